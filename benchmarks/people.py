@@ -237,8 +237,8 @@ def doubt_rows() -> Iterator[str]:
 _WORDS: Final = (
     f"How many of {SESSIONS} simulated people (62 V, 1.5 dB between people, fingers 1 dB apart, "
     "sigma 0.1, lapses 0.03, false alarms 0.05) are [warned "
-    "of](../statistics.md#12-warnings-about-participants) as swapped, at chance and drifting, a session "
-    "each.\n"
+    "of](../statistics.md#12-warnings-about-participants) as swapped, at chance and drifting, a "
+    "session each.\n"
 )
 
 

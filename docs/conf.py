@@ -52,7 +52,7 @@ numpydoc_xref_ignore = "all"
 sphinx_gallery_conf = {
     "examples_dirs": "gallery",
     "gallery_dirs": "figures",
-    "filename_pattern": r"/(figure|section|psychometric)_",
+    "filename_pattern": r"/(figure|section|psychometric|example)_",
     "within_subsection_order": "FileNameSortKey",
     "ignore_pattern": r"(paper_plate|front_page)\.py",
     "image_scrapers": ("drawn.scraper",),

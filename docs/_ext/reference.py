@@ -61,10 +61,9 @@ python
 _PYTHON: Final = """\
 # Python
 
-The public names of the four packages. Other names may change.
-
-The end of a name is its unit, in SI: `width_m` is in metres, `frequency_hz` in hertz. `level_vpp`
-is in volts peak-to-peak at the actuator. Equations are numbered as in [the model](/model.md).
+The public names of the four packages. Other names may change. The end of a name is its unit, in
+SI: `width_m` is in metres. `level_vpp` is in volts peak-to-peak at the actuator. Equations are
+numbered as in [the model](/model.md).
 """
 _STUDY: Final = """\
 # Keys of study files
@@ -242,12 +241,12 @@ def _entry(package: str, module: str, name: str) -> str:
     if inspect.isroutine(value):
         return f"{head}.. autofunction:: {title}\n"
     if inspect.isclass(value):
-        options = ["   :members:", *["   :undoc-members:"] * issubclass(value, Enum)]
+        options = ["   :members:"] + ["   :undoc-members:"] * issubclass(value, Enum)
         options += ["   :inherited-members:"] * is_dataclass(value)
-        options += [f"   :exclude-members: {', '.join(INTERNAL[title])}"] * (title in INTERNAL)
+        options += [f"   :exclude-members: {', '.join(INTERNAL.get(title, ()))}"]
         return "\n".join([f"{head}.. autoclass:: {title}", *options, ""])
-    shown_values = value if isinstance(value, Mapping) else {name: value}
-    lines = [f"{key} = {item!r}" for key, item in shown_values.items()]
+    values = value if isinstance(value, Mapping) else {name: value}
+    lines = [f"{key} = {item!r}" for key, item in values.items()]
     text = "\n".join([*link(constants(module)[name].splitlines()), "", "::", ""])
     body = f"{text}\n{textwrap.indent(chr(10).join(lines), '    ')}"
     return f"{head}.. py:data:: {title}\n\n{textwrap.indent(body, '   ')}\n"
