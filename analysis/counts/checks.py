@@ -277,14 +277,14 @@ def drift_steps(rows: pd.DataFrame, level: Floats) -> float:
 
 
 def sides_differ(counts: pd.DataFrame) -> pd.DataFrame:
-    """Test whether single stimuli are detected equally often at every two sides.
+    """Test whether single stimuli are detected equally often at all sides.
 
-    Columns ``condition side_a side_b p``, a row for each condition and pair of sides. p is the
-    larger of two: of the exact Cochran-Mantel-Haenszel test, stratified by participant and level,
-    and, with `MIN_PEOPLE` participants or more, of Student's t test of their mean differences. The
-    first alone would find a difference wherever participants differ, though some are more sensitive
-    at one side and some at the other. In a forced choice a preference of one answer looks the same
-    as a more sensitive side.
+    Columns ``condition p``. p is the smallest of all pairs of sides, times their number. That of a
+    pair is the larger of two: of the exact Cochran-Mantel-Haenszel test, stratified by participant
+    and level, and, with `MIN_PEOPLE` participants or more, of Student's t test of their mean
+    differences. The first alone would find a difference wherever participants differ, though some
+    are more sensitive at one side and some at the other. In a forced choice a preference of one
+    answer looks the same as a more sensitive side.
 
     >>> from analysis.counts.table import count_answers
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
@@ -310,8 +310,9 @@ def sides_differ(counts: pd.DataFrame) -> pd.DataFrame:
             # Differences that are all the same have no t.
             if len(share) >= MIN_PEOPLE and share.std() > 0:
                 p = max(p, DescrStatsW(share).ttest_mean()[1])
-            rows.append([condition, a, b, p])
-    return pd.DataFrame(rows, columns=["condition", "side_a", "side_b", "p"])
+            rows.append([condition, p])
+    groups = pd.DataFrame(rows, columns=["condition", "p"]).groupby("condition")["p"]
+    return (groups.min() * groups.size()).clip(upper=1.0).reset_index()
 
 
 INTERLEAVED, ALTERNATED = "interleaved", "alternated"

@@ -36,6 +36,7 @@ _FORMS: Final = {
 }
 _WORDS: Final[Mapping[Scoring, tuple[str, str]]] = {
     "forced-choice": ("threshold", "rate of correct answers"),
+    "identification": ("threshold", "rate of correct answers"),
 }
 """What a threshold and a detection rate are called where trials are scored so."""
 _MAX_DB: Final = 40.0

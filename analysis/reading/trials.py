@@ -76,6 +76,7 @@ _TASK_OF_SCORING: Final[Mapping[Scoring, str]] = {
     "yes-no": YES_NO,
     "forced-choice": FORCED,
     "discrimination": COMPARISON,
+    "identification": FORCED,
 }
 """What a column map would call a task that is scored so."""
 _KEY: Final = ["participant", "session", "trial", "attempt"]
@@ -91,7 +92,7 @@ _REPEATED: Final = (
     f"where they are of several people; [rows.skip] {FILE} leaves out a run that was begun anew"
 )
 UNANSWERED: Final = "unanswered"
-"""Reason of a trial without an answer in a choice between intervals."""
+"""Reason of a trial without an answer in a choice between intervals or sites."""
 NEVER_ANSWERED: Final = "never_answered"
 """Reason of a participant's trials in a condition where every one that would count timed out."""
 
@@ -843,7 +844,7 @@ def without_silence(trials: pd.DataFrame) -> pd.DataFrame:
 
 
 def without_unanswered(trials: pd.DataFrame, task: Task) -> pd.DataFrame:
-    """Return trials with those left out that have no answer, in a choice between intervals.
+    """Return trials with those left out that have no answer, in a choice of intervals or sites.
 
     There, who does not answer has chosen nothing: counted as wrong, or as weaker, they would raise
     the threshold with every time-out.
@@ -852,7 +853,7 @@ def without_unanswered(trials: pd.DataFrame, task: Task) -> pd.DataFrame:
     >>> without_unanswered(trials, make_task("2ifc"))["reason"].tolist()
     ['', 'unanswered']
     """
-    is_choice = task.scoring in {"forced-choice", "discrimination"}
+    is_choice = task.scoring in {"forced-choice", "discrimination", "identification"}
     is_open = trials["reason"].eq("") & ~trials["response"].astype(object).isin(task.answer_names)
     return trials.assign(reason=trials["reason"].mask(is_open & is_choice, UNANSWERED))
 

@@ -10,6 +10,7 @@ import pandas as pd
 
 from analysis.counts import table
 from analysis.counts.checks import check_answers, check_drift, sides_differ
+from analysis.counts.information import information_table
 from analysis.counts.sensitivity import d_prime_differences, sensitivity_table, with_criterion
 from analysis.numbers import METHODS
 from analysis.reading.columns import FORCED, YES_NO
@@ -80,6 +81,8 @@ class Analysis:
         d' and criterion c, and by how much d' differs between conditions.
     confusion : pandas.DataFrame
         Answers by kind and side of the stimulus.
+    information : pandas.DataFrame
+        The information transfer of an identification, in bits; empty for other tasks.
     reaction_times : pandas.DataFrame
         Median, 10 % and 90 % points of the times of correct answers in seconds: columns
         ``condition level_vpp side n median p10 p90``.
@@ -130,6 +133,7 @@ class Analysis:
     sensitivity: pd.DataFrame
     d_prime_differences: pd.DataFrame
     confusion: pd.DataFrame
+    information: pd.DataFrame
     reaction_times: pd.DataFrame
     detected_any: pd.DataFrame | None
     side_p: Mapping[str, float] = field(default_factory=dict)
@@ -323,6 +327,9 @@ def analyse(
         sensitivity=sensitivity,
         d_prime_differences=d_prime_differences(sensitivity),
         confusion=table.count_confusions(counts),
+        information=(
+            information_table(counts, seed=seed) if task.is_identification else pd.DataFrame()
+        ),
         reaction_times=table.reaction_table(trials),
         detected_any=detected_any,
         side_p=side_p,

@@ -8,6 +8,7 @@ from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING, Final
 
+from analysis.numbers import TOTAL
 from analysis.reading.columns import FORCED
 from analysis.reading.trials import NEVER_ANSWERED
 from analysis.results.findings import (
@@ -58,8 +59,9 @@ class AnswerRow:
 def answer(analysis: Analysis, brief: Collection[str] = ()) -> list[AnswerRow]:
     """Return the rows of the answer; kinds in `brief` take less room."""
     return [
+        *_information(analysis),
         *_sides(analysis, brief="side" in brief),
-        *_thresholds(analysis, brief="threshold" in brief),
+        *(() if _is_at_one_level(analysis) else _thresholds(analysis, brief="threshold" in brief)),
         *_differences(analysis, brief="difference" in brief),
         _false_alarms(analysis),
         _left_out(analysis),
@@ -81,6 +83,23 @@ def _row(
 
 def _named(analysis: Analysis, condition: str) -> tuple[str, ...]:
     return (condition,) if analysis.counts.conditions > 1 else ()
+
+
+def _information(analysis: Analysis) -> Iterator[AnswerRow]:
+    """Yield the information transfer of each condition, the mean of its participants."""
+    table = analysis.information
+    for condition, rows in table.groupby("condition") if len(table) else ():
+        people = int(rows["participant"].ne(TOTAL).sum())
+        row = dict(rows.iloc[0 if people == 1 else -1]) | {"participants": people}
+        names = _named(analysis, str(condition))
+        yield _row("information", names=names, i=row, counts=analysis.counts)
+
+
+def _is_at_one_level(analysis: Analysis) -> bool:
+    """Return whether an identification has one level in each condition, so that no threshold."""
+    return analysis.task.is_identification and bool(
+        analysis.thresholds["status"].eq("one_level").all()
+    )
 
 
 def _sides(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:

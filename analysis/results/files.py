@@ -90,7 +90,7 @@ def harmless(text: str) -> str:
 SUMMARY, REPORT, METHODS, COLUMNS = "summary.json", "report.html", "methods.txt", "columns.json"
 _TABLES = (
     *("levels", "participants", "both", "blank", "hands_off", "thresholds", "differences"),
-    *("sides", "sensitivity", "d_prime_differences", "confusion"),
+    *("sides", "sensitivity", "d_prime_differences", "confusion", "information"),
 )
 _ALWAYS = ("levels", "participants")
 # The manifest first: wherever moving stops, the next analysis knows the folder for one of its own.

@@ -22,7 +22,7 @@ from analysis.numbers import (
     with_limits,
 )
 from analysis.results.rendering import phrases, sentence
-from analysis.thresholds.displacement import SITE_COLUMNS, group_per_volt, mean_of_equal
+from analysis.thresholds.displacement import group_per_volt, mean_of_equal
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def _fingertips(row: Mapping[str, Any], people: pd.DataFrame) -> tuple[str, str]
     per_volt, basis = group_per_volt(people) if row["status"] in WITH_THRESHOLD else ({}, "")
     sides = {f"{side} ": um for side, um in per_volt.items() if um > 0}
     common = mean_of_equal(pd.Series(sides))
-    if len(sides) == len(SITE_COLUMNS) and not math.isnan(common):
+    if len(sides) == len(per_volt) and not math.isnan(common):
         sides = {"": common}
     texts = []
     for side, um in sides.items():
@@ -161,8 +161,12 @@ def _fingertips(row: Mapping[str, Any], people: pd.DataFrame) -> tuple[str, str]
 
 
 def sides_that_differ(analysis: Analysis) -> list[dict[str, Any]]:
-    """Return the conditions in which sides differ: ``condition``, and ``p`` of the test."""
-    return [{"condition": name, "p": p} for name, p in analysis.side_p.items() if p < ALPHA]
+    """Return the conditions in which sides differ: ``condition``, ``p`` of the test, ``sites``."""
+    return [
+        {"condition": name, "p": p, "sites": analysis.task.sites}
+        for name, p in analysis.side_p.items()
+        if p < ALPHA
+    ]
 
 
 def side_estimates(analysis: Analysis) -> list[dict[str, Any]]:

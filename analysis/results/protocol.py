@@ -11,7 +11,6 @@ import pandas as pd
 from analysis.results.rendering import phrases, sentence
 from experiment.record.entries import MEASURED_COLUMNS
 from experiment.study.base import format_value
-from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -54,7 +53,9 @@ def protocol_rows(analysis: Analysis) -> dict[str, pd.DataFrame]:
     files = [{"name": file.name, "sha256": file.sha256} for file in analysis.loaded.inputs]
     return {
         "protocol": _quantities(analysis),
-        "measured": measured_bursts(row for s in analysis.loaded.progress for row in s.measured),
+        "measured": measured_bursts(
+            (row for s in analysis.loaded.progress for row in s.measured), analysis.task.sites
+        ),
         "keys": _keys(analysis.plans.studies),
         "files": pd.DataFrame(files),
     }
@@ -79,7 +80,7 @@ def _quantities(analysis: Analysis) -> pd.DataFrame:
     return pd.DataFrame([*dict.fromkeys(values)], columns=["quantity", "value"])
 
 
-def measured_bursts(rows: Iterable[MeasuredRow]) -> pd.DataFrame:
+def measured_bursts(rows: Iterable[MeasuredRow], sites: tuple[str, ...]) -> pd.DataFrame:
     """Return the peaks that a monitor measured beside the planned ones."""
     columns = [*_MEASURED, "at_sites", "peaks"]
     attributes = [*(MEASURED_COLUMNS[name] for name in _MEASURED), "measured.planned"]
@@ -90,7 +91,7 @@ def measured_bursts(rows: Iterable[MeasuredRow]) -> pd.DataFrame:
     bursts["late_ms"] = bursts["late_s"].astype(float).abs() * 1e3
     is_blank = ~bursts["at_sites"].map(any)
     channels = [bursts[is_blank].assign(channel="none", planned=0.0, peak=None)]
-    for index, side in enumerate(LEFT_RIGHT_BOTH.sites):
+    for index, side in enumerate(sites):
         driven = bursts[bursts["at_sites"].str[index].ne(0)]
         peaks = {"planned": driven["at_sites"].str[index], "peak": driven["peaks"].str[index]}
         channels.append(driven.assign(channel=side, **peaks))

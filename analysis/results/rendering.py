@@ -127,8 +127,17 @@ def words_of(scoring: str = "") -> Mapping[str, Any]:
     >>> words_of()["threshold"], words_of("discrimination")["threshold"]
     ('threshold', 'PSE')
     """
-    texts = read_toml("words.toml")
-    return MappingProxyType({**texts["default"], **texts.get(scoring, {})})
+    return MappingProxyType(
+        {**read_toml("words.toml")["default"], **texts_of("words.toml", scoring)}
+    )
+
+
+def texts_of(file: str, scoring: str) -> dict[str, Any]:
+    """Return the texts of a scoring, with those of the one that it is like where it has none."""
+    texts = read_toml(file)
+    texts = texts.get("scoring", texts)
+    own = texts.get(scoring, {})
+    return {**texts.get(own.get("like"), {}), **own}
 
 
 _FILTERS: Final[Mapping[str, Callable[..., Any]]] = {

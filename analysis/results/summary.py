@@ -10,7 +10,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.results.answer import answer
-from analysis.results.rendering import read_toml, words_of
+from analysis.results.rendering import read_toml, texts_of, words_of
 from experiment.names import NOT_AVAILABLE
 from experiment.tasks import LEFT_RIGHT_BOTH
 
@@ -26,10 +26,12 @@ SCHEMA: Final = 2
 _COUNTS: Final = ("false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b")
 _OF_NAMED_SITES: Final = ("over_report", "mislocalised")
 """Columns of answers that name another site, or more of them."""
-_SIDED: Final = ("left_vpp", "right_vpp", "left_um", "right_um")
+INFORMATION: Final = ("bits", "bits_low", "bits_high", "max_bits")
+"""Columns that only an identification has."""
 _TABLES: Final = (
     *("excluded", "levels", "both", "blank", "hands_off", "thresholds", "groups", "sides"),
     *("side_groups", "differences", "sensitivity", "d_prime_differences", "reaction_times"),
+    "information",
 )
 
 
@@ -76,7 +78,8 @@ def reported_columns(table: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
     if side:
         answers = {side: "felt", "none": "not_felt"}
         sided = {"side", *analysis.task.named_answers, "over_report", "mislocalised"} - {side}
-        sided |= {f"{of}_{at}" for of in ("level", "peak") for at in _SIDED}
+        sided |= {f"level_{site}_vpp" for site in analysis.task.sites}
+        sided |= {f"peak_{site}_um" for site in analysis.task.sites}
         table = table.drop(columns=[*sided & {*table}]).rename(columns=answers)
         if "response" in table:
             table = table.assign(response=table["response"].astype(object).replace(answers))
@@ -107,13 +110,19 @@ def column_meanings(
     'the threshold in dB re 1 vol'
     """
     texts, columns = read_toml("columns.toml"), words_of(task.scoring)["columns"]
-    named = {**texts["columns"], **texts["scoring"].get(task.scoring, {})}
-    if not task.named_answers:
-        hidden = {*_OF_NAMED_SITES, *LEFT_RIGHT_BOTH.named_answers, *texts["both_sites"]["names"]}
+    named = {**texts["columns"], **texts_of("columns.toml", task.scoring)}
+    if task.answer_names != LEFT_RIGHT_BOTH.answer_names:
+        hidden = {*LEFT_RIGHT_BOTH.named_answers, *texts["both_sites"]["names"]}
+        hidden |= set() if task.named_answers else {*_OF_NAMED_SITES}
         named = {name: text for name, text in named.items() if name not in hidden}
         for answer in task.answers:
             text = f"trials answered {answer.name}: {answer.meaning}"
             named[answer.name] = "; ".join(filter(None, (named.get(answer.name), text)))
+    for name in (name for name in [*named] if "{site}" in name):
+        text = named.pop(name)
+        named |= {name.format(site=site): text.replace("{site}", site) for site in task.sites}
+    if not task.is_identification:
+        named = {name: text for name, text in named.items() if name not in INFORMATION}
     named = {columns.get(name, name): text for name, text in named.items()}
     unit = "volts peak-to-peak" if axis.is_vpp else axis.unit
     db = axis.unit if axis.unit.lower().startswith("db") else f"dB re 1 {axis.label}"

@@ -116,6 +116,7 @@ def result_rows(analysis: Analysis) -> dict[str, pd.DataFrame]:
         "people": _people(analysis),
         "levels": _levels(analysis),
         "sides": analysis.sides,
+        "information": analysis.information,
         "answers": confusion.assign(stimulus=kind.mask(kind.eq("single"), single)),
         "each": _each_participant(analysis),
         "blank": shares(totals["blank"]),

@@ -15,7 +15,7 @@ from analysis.numbers import TOTAL
 from analysis.reading.trials import NEVER_ANSWERED
 from analysis.results.findings import ALPHA, records, sides_that_differ
 from analysis.results.rendering import warning
-from analysis.thresholds.displacement import SITE_COLUMNS
+from analysis.thresholds.displacement import site_columns
 from analysis.thresholds.fit import WITH_THRESHOLD
 from experiment.names import NOT_AVAILABLE
 from experiment.perception.gains import UNEQUAL_DB
@@ -201,9 +201,10 @@ def _check_sides(analysis: Analysis) -> Iterator[Check]:
     for row in sides_that_differ(analysis):
         names = {"condition": _name(row["condition"], analysis)}
         yield True, WarningCode.SIDES_DIFFER, row | names
-    columns = analysis.thresholds.reindex(columns=[*SITE_COLUMNS.values()]).astype(float)
-    for more, less in permutations(SITE_COLUMNS, 2):
-        ratios = (columns[SITE_COLUMNS[more]] / columns[SITE_COLUMNS[less]]).dropna()
+    columns = site_columns(analysis.thresholds)
+    thresholds_um = analysis.thresholds[[*columns.values()]].astype(float)
+    for more, less in permutations(columns, 2):
+        ratios = (thresholds_um[columns[more]] / thresholds_um[columns[less]]).dropna()
         apart_db = ratios.map(lambda ratio: 20 * math.log10(ratio))
         larger = apart_db[apart_db.ge(UNEQUAL_DB)]
         data = {"more": more, "less": less, "db": larger.max()}

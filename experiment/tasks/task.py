@@ -239,7 +239,8 @@ class Task:
     scoring : str
         What the analysis counts: ``localisation`` (the answer names the sites), ``yes-no`` (the
         guess rate is that of blank trials), ``forced-choice`` (it is one in the number of answers)
-        or ``discrimination`` (the comparison was stronger than the reference).
+        ``discrimination`` (the comparison was stronger than the reference), or
+        ``identification`` (a forced choice of the site; its information transfer is estimated).
     nothing : str or None
         The answer that no stimulus was noticed; none in a forced choice.
     kinds : mapping of str to str
@@ -320,6 +321,11 @@ class Task:
     def has_reference(self) -> bool:
         """Whether bursts at the reference level are presented."""
         return any(burst.is_reference for p in self.presentations for burst in p.bursts)
+
+    @property
+    def is_identification(self) -> bool:
+        """Whether answers identify one of the sites, so that they transfer information."""
+        return self.scoring == "identification"
 
     @property
     def slots(self) -> tuple[tuple[str, ...], ...]:

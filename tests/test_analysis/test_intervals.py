@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from scipy.stats import betabinom, cauchy, fisher_exact, ttest_1samp
 
 from analysis import group_interval, proportion_ci
-from analysis.counts.information import transmitted_information
 from analysis.counts.intervals import equal_rates_p, hypergeometric_tails, mean_limits
 
 # statsmodels 0.14, proportion_confint, methods wilson, jeffreys and beta; and, to four digits,
@@ -236,14 +235,3 @@ def test_equal_rates_are_tested_within_strata() -> None:
     p = equal_rates_p([(5000, 5200)], [(90_000, 90_000)])
     assert p == pytest.approx(fisher_exact(many).pvalue, rel=0.02)
     assert equal_rates_p([(2, 0), (5, 5)], [(4, 0), (5, 5)]) == 1.0  # without information
-
-
-def test_a_published_table_gives_its_information() -> None:
-    # Near-threshold and null trials, felt or not: M. Grund et al., J. Neurosci. 42 (2022) 643-656.
-    bits = transmitted_information([[8007, 8035], [497, 7545]])
-    assert bits == pytest.approx(0.159008507271803, abs=1e-13)
-    assert transmitted_information([[6, 2], [3, 1]]) == pytest.approx(0, abs=1e-15)
-    assert math.isnan(transmitted_information([[0, 0]]))
-    for table in ([1, 2], [[1.5, 2]], [[-1, 2]]):
-        with pytest.raises(ValueError, match="counts"):
-            transmitted_information(table)

@@ -10,7 +10,6 @@ import pytest
 
 from analysis import Axis
 from analysis.thresholds.displacement import (
-    UM_COLUMNS,
     with_group_micrometres,
     with_micrometres,
 )
@@ -72,7 +71,9 @@ def test_a_threshold_has_the_micrometres_of_counted_single_stimuli(
     of: pd.DataFrame, status: str, axis: Axis, expected: list[Any]
 ) -> None:
     people = with_micrometres(threshold(status=status), of, axis)
-    left, right, basis = people.iloc[0][[*UM_COLUMNS]]
+    left, right, basis = people.iloc[0][
+        ["threshold_left_um", "threshold_right_um", "displacement_basis"]
+    ]
     assert [left, right] == pytest.approx(expected[:2], nan_ok=True)
     assert basis == expected[2] or (expected[2] is None and pd.isna(basis))
 
@@ -87,5 +88,5 @@ def test_a_group_has_micrometres_where_all_with_a_threshold_have_the_same() -> N
         (EQUAL, None),
     ):
         found = with_group_micrometres(group, with_micrometres(table, of, Axis()))
-        value = float(found[UM_COLUMNS[0]].to_numpy()[0])
+        value = float(found["threshold_left_um"].to_numpy()[0])
         assert math.isnan(value) if expected is None else value == pytest.approx(expected)

@@ -383,7 +383,11 @@ def test_measured_bursts_are_counted_by_condition_channel_and_planned_peak(least
     trial: dict[str, Any] = dict.fromkeys(field.name for field in fields(MeasuredRow))
     trial |= {"condition": "main"}
     frame = measured_bursts(
-        MeasuredRow(**trial | {"measured": StimulusMeasured.model_construct(**row)}) for row in rows
+        [
+            MeasuredRow(**trial | {"measured": StimulusMeasured.model_construct(**row)})
+            for row in rows
+        ],
+        ("left", "right"),
     )
     (table,) = make_tables("measured", frame, least)
     assert [row[1:] for row in table.rows] == [
