@@ -170,9 +170,9 @@ class ConditionGains:
 
     Examples
     --------
-    >>> gains = ConditionGains(condition="main", actuators=("left", "right"),
+    >>> gains = ConditionGains(condition="main", actuators=("a", "b"),
     ...     bases=("measured", None), per_vpp=((0.02, 0.1), (0.001, 1.0)))
-    >>> gains.at_fingers(("left", "right"))
+    >>> gains.at_fingers(("a", "b"))
     FingerGains(per_vpp=((1.0, 0.1), (0.05, 1.0)), bases=(None, None))
     """
 
@@ -237,7 +237,7 @@ class ConditionGains:
 GAINS: Final = TypeAdapter(ConditionGains)
 """Rebuilds a matrix from JSON.
 
->>> GAINS.validate_python({"condition": "main", "actuators": ["left", "right"],
+>>> GAINS.validate_python({"condition": "main", "actuators": ["a", "b"],
 ...     "bases": [None, None], "per_vpp": [[1.0, 0.1], [0.1, 1.0]]}).level_db(1, 0)
 -20.0
 """

@@ -326,8 +326,8 @@ A column with ``{site}`` in its name stands for one at each site.
 def measured_csv(sites: tuple[str, ...], rows: Iterable[MeasuredRow]) -> str:
     """Write measured.csv of a study with these sites.
 
-    >>> measured_csv(("left", "right"), []).split(",")[16:20]
-    ['planned_left', 'planned_right', 'peak_left', 'peak_right']
+    >>> measured_csv(("a", "b"), []).split(",")[16:20]
+    ['planned_a', 'planned_b', 'peak_a', 'peak_b']
     """
     of_columns = ([name.format(site=site) for site in sites] for name in MEASURED_COLUMNS)
     headings = [*dict.fromkeys(name for names in of_columns for name in names)]

@@ -295,7 +295,10 @@ class Task:
         driven = {site for p in self.presentations for burst in p.bursts for site in burst.sites}
         measured = {p.site for p in self.presentations if p.kind == SINGLE}
         for is_broken, rule in (
-            (len({p.name for p in self.presentations}) < len(self.presentations), "names twice"),
+            (
+                len({p.name for p in self.presentations}) < len(self.presentations),
+                "two presentations have the same name",
+            ),
             (len(answers) < len(self.answers), "answers twice"),
             ({len(p.bursts) for p in self.presentations} != {self.n_intervals}, "intervals"),
             (not {p.correct for p in self.presentations} <= answers, "correct answers"),

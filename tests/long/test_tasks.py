@@ -10,12 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from analysis.counts.information import information_transfer
 from analysis.planning.sessions import Session, draw_counts
 from analysis.thresholds.discrimination import DB_PER_SIGMA
 from analysis.thresholds.fit import fit_many
 from analysis.thresholds.group import group_fit
 from experiment import first_study
+from experiment.perception.answers import answer_probabilities
 from experiment.perception.gains import without_crosstalk
+from experiment.tasks import make_task
+from tests.test_analysis.test_information import information_bits
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -86,6 +90,39 @@ def recovered(kind: str) -> Recovered:
         # Two sensations are compared, each as wide as the function of detection.
         sigma_truth=SIGMA * (2**0.5 if is_comparison else 1.0),
     )
+
+
+def test_information_transfer_is_recovered() -> None:
+    task = make_task("identification", sites=("a", "b", "c", "d", "e"))
+    gains, window_s = without_crosstalk(5).with_crosstalk(-15.0), 9.0
+    median = first_study().simulation.median
+    same = replace(median, threshold_um=None, threshold_vpp=MEDIAN_VPP, lapse_rate=0.02)
+    levels_vpp = np.eye(5)[:, :, np.newaxis] * 100.0  # one trial after another, in one interval
+    errors, covered = [], []
+    for number in range(STUDIES):
+        rng = np.random.default_rng([11, number])
+        of_study = []
+        for _ in range(PEOPLE):
+            threshold_vpp = MEDIAN_VPP * 10 ** (BETWEEN_DB / 20 * rng.standard_normal())
+            person = replace(same, threshold_vpp=threshold_vpp)
+            (shares,) = np.stack(
+                [
+                    answer_probabilities(
+                        [person], [levels], task.answer_names, window_s, gains=gains, task=task
+                    )[:, 0]
+                    for levels in levels_vpp
+                ],
+                axis=1,
+            )
+            shares = shares / shares.sum(axis=1, keepdims=True)
+            truth = information_bits(shares)
+            transfer = information_transfer(np.array([rng.multinomial(40, row) for row in shares]))
+            covered.append(transfer.low <= truth <= transfer.high)
+            of_study.append(transfer.bits - truth)
+        errors.append(np.mean(of_study))
+    assert abs(np.mean(errors)) < 0.05
+    assert np.std(errors) < 0.1
+    assert 0.93 <= np.mean(covered) <= 0.98
 
 
 @pytest.mark.parametrize("kind", TASKS)
