@@ -120,9 +120,7 @@ class Simulation(Section):
         """
         has_displacements = None not in bases
         excess = self.threshold_um is not None and not has_displacements
-        rule = (
-            "needs displacement or layers of each driven actuator; else give threshold_vpp"
-        )
+        rule = "needs displacement or layers of each driven actuator; else give threshold_vpp"
         obey([(excess, "threshold_um", rule)], self)
         if self.threshold_um is not None or self.threshold_vpp is not None:
             return self

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -106,7 +107,7 @@ def test_the_strongest_detected_burst_is_answered() -> None:
     task = make_task("identification", sites=names(3))
     p, um = (0.5, 0.8, 0.25), (1.0, 3.0, 2.0)
     felt = Sensation([np.full((1, 1), v) for v in p], [np.full((1, 1), v) for v in um], [])
-    decided = task.decide([felt], task.answer_names, Guessing(0.0, 0.5, 0.0))
+    decided = task.decide([felt], task.answer_names, Guessing(*np.array([[0.0], [0.5], [0.0]])))
     guess = 0.5 * 0.2 * 0.75 / 3
     expected = (0.5 * 0.2 * 0.75 + guess, 0.8 + guess, 0.25 * 0.2 + guess)
     assert [decided[name].item() for name in names(3)] == pytest.approx(expected)
@@ -118,13 +119,7 @@ def test_every_site_masks_and_is_masked() -> None:
     gains = without_crosstalk(4)
     task = make_task("identification", sites=names(4))
     levels_vpp = [[200.0], [15.0], [0.0], [0.0]]
-    people = [type(person)(**{**_values(person), "threshold_um": None, "threshold_vpp": 10.0})]
+    people = [replace(person, threshold_um=None, threshold_vpp=10.0)]
     p = answer_probabilities(people, [levels_vpp], task.answer_names, 9.0, gains=gains, task=task)
     assert p[0, 0, 0] > 0.95  # 20 dB more at the first site than at the second
     assert p[0, 0].sum() == pytest.approx(1.0, abs=0.01)
-
-
-def _values(person: object) -> dict[str, object]:
-    from dataclasses import asdict
-
-    return asdict(person)  # type: ignore[call-overload,no-any-return]
