@@ -15,7 +15,6 @@ from device.driver import BurstDevice, Delivery, Identity
 from device.emulate.mock import DEVICE_LIMITS, MODEL, MockDevice
 from device.errors import DeviceError, LinkError, error_line
 from device.installed import DRIVERS, Installed, lookup, require_instance
-from device.limits import MAX_CHANNELS
 from device.scpi.dialects import DIALECTS
 from device.wire.channels import USUAL, LineSettings, require_port
 
@@ -36,8 +35,8 @@ NEEDS: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Every built-in driver by name, with the settings that it cannot do without."""
 FIRST_TWO: Final = (1, 2)
-MAX_OUTPUTS: Final[Mapping[str, int]] = {"generator": max(dialect.channels for dialect in DIALECTS)}
-"""Number of outputs of built-in drivers that have fewer than `MAX_CHANNELS` by their kind."""
+GENERATOR_OUTPUTS: Final = tuple(range(1, 1 + max(dialect.channels for dialect in DIALECTS)))
+"""The outputs of the largest generator that is known."""
 
 _Value = TypeVar("_Value")
 
@@ -129,34 +128,31 @@ def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevic
         return make_mock(limits, clock, OutputStage(channels=channels, sample_rate_hz=rate_hz))
     port = _given(settings.port, "port", name)
     require_port_of(name, port)
+    shared: dict[str, Any] = {"limits": limits, "clock": clock}
     if name == "serial":
         from device.wire.serial import serial_device
 
-        return serial_device(
-            port, limits=limits, clock=clock, channels=channels, line=settings.line
-        )
+        return serial_device(port, channels=channels, line=settings.line, **shared)
     if name == "generator":
         from device.scpi.generator import generator_device
 
         return generator_device(
             port,
-            limits=limits,
-            clock=clock,
             amplifier_gain=_given(settings.amplifier_gain, "amplifier_gain", name),
             sample_rate_hz=rate_hz,
             outputs=settings.channels,
             line=settings.line,
+            **shared,
         )
     from device.sound.audio import audio_device
 
     return audio_device(
         port,
-        limits=limits,
-        clock=clock,
         volts_full_scale=_given(settings.volts_full_scale, "volts_full_scale", name),
         sample_rate_hz=rate_hz,
         channels=channels,
         recorder=settings.recorder,
+        **shared,
     )
 
 
@@ -225,21 +221,18 @@ def channel_fault(name: str, channels: tuple[int, ...]) -> str | None:
 
     >>> channel_fault("mock", (1, 2, 3)), channel_fault("mock", (3, 4))
     (None, 'channels must be [1, 2] for the driver mock, got [3, 4]: the example ...')
-    >>> channel_fault("generator", (1, 2, 3))
-    'channels must be at most 2 for the driver generator, got [1, 2, 3]'
+    >>> channel_fault("generator", (2, 1)), channel_fault("generator", (1, 2, 3))
+    (None, 'channels must be of [1, 2] for the driver generator, got [1, 2, 3]: the example ...')
     """
-    if name not in NEEDS:
+    is_generator, first = name == "generator", tuple(range(1, len(channels) + 1))
+    is_taken = {*channels} <= {*GENERATOR_OUTPUTS} if is_generator else channels == first
+    if name not in NEEDS or is_taken:
         return None
-    first = list(range(1, len(channels) + 1))
-    largest = MAX_OUTPUTS.get(name, MAX_CHANNELS)
-    if max(channels) > largest:
-        return f"channels must be at most {largest} for the driver {name}, got {list(channels)}"
-    if name not in MAX_OUTPUTS and list(channels) != first:
-        return (
-            f"channels must be {first} for the driver {name}, got {list(channels)}: the example "
-            "sound_card_channels is a driver that takes others"
-        )
-    return None
+    allowed = f"of {list(GENERATOR_OUTPUTS)}" if is_generator else f"{list(first)}"
+    return (
+        f"channels must be {allowed} for the driver {name}, got {list(channels)}: the example "
+        "sound_card_channels is a driver that takes others"
+    )
 
 
 def make_mock(limits: Limits, clock: Clock, output: OutputStage) -> MockDevice:

@@ -136,11 +136,11 @@ def _nature(
         over_current_at_s=over_current_at_s,
         adc=None if adc is None else Adc.parse(adc),
     )
+    limits = Limits(ceiling_vpp=ceiling_vpp, min_interval_s=_MIN_INTERVAL_S)
+    output = OutputStage(channels=channels, sample_rate_hz=sample_rate_hz, rail_v=ceiling_vpp / 2)
     return Nature(
-        limits=Limits(ceiling_vpp=ceiling_vpp, min_interval_s=_MIN_INTERVAL_S),
-        output=OutputStage(
-            channels=channels, sample_rate_hz=sample_rate_hz, rail_v=ceiling_vpp / 2
-        ),
+        limits=limits,
+        output=output,
         amplifier=amplifier,
         firmware=None if firmware is None else FirmwareLibrary(firmware),
         **settings,

@@ -213,9 +213,8 @@ class DeviceCore:
         check_channels(channels, self.output.channels)
         check_memory(self.held_beside(message.slot), n_samples, self.limits)
         after = self._after(Step.LOAD)
-        full = full_scale(self.output.bits)
-        peaks = check_codes(message.codes, full_scale=full, limits=self.limits)
-        codes = message.codes.astype(np.int32)
+        full, codes = full_scale(self.output.bits), message.codes.astype(np.int32)
+        peaks = check_codes(codes, full_scale=full, limits=self.limits)
         self._slots[message.slot] = _Slot(codes=codes, peaks=peaks)
         self._state = after
 
@@ -384,19 +383,15 @@ class DeviceCore:
 
     def _emit(self, armed: Arm) -> Record:
         slot, set_mvpp = self._slots[armed.slot], self._levels.levels_mvpp
-        levels_mvpp = tuple(
-            level_mvpp if peak else 0 for level_mvpp, peak in zip(set_mvpp, slot.peaks, strict=True)
-        )
+        channels = zip(set_mvpp, slot.peaks, strict=True)
+        levels_mvpp = tuple(level_mvpp if peak else 0 for level_mvpp, peak in channels)
+        token, start_us = armed.token, self._now_us
         self._last = Emission(
-            token=armed.token,
-            start_us=self._now_us,
+            token=token,
+            start_us=start_us,
             volts=self.output.render(slot.codes, levels_mvpp=set_mvpp, limits=self.limits),
             levels_vpp=tuple(level_mvpp / 1000 for level_mvpp in levels_mvpp),
             sample_rate_hz=self.output.sample_rate_hz,
         )
-        return Record(
-            token=armed.token,
-            outcome=Outcome.FIRED,
-            start_us=self._now_us,
-            levels_mvpp=levels_mvpp,
-        )
+        outcome = Outcome.FIRED
+        return Record(token=token, outcome=outcome, start_us=start_us, levels_mvpp=levels_mvpp)

@@ -157,10 +157,9 @@ class HostDriver(BurstDevice):
         slot = check_slot(slot)
         codes = to_codes(samples, identity.bits)
         check_channels(len(codes), identity.channels)
-        full = full_scale(identity.bits)
-        peaks = check_codes(codes, full_scale=full, limits=self._limits)
-        silent = ((0, self._n_silent), (0, 0))
-        self._link.exchange(LoadSlot(slot=slot, codes=np.pad(codes, silent)))
+        peaks = check_codes(codes, full_scale=full_scale(identity.bits), limits=self._limits)
+        all_codes = np.pad(codes, ((0, self._n_silent), (0, 0)))
+        self._link.exchange(LoadSlot(slot=slot, codes=all_codes))
         duration_us = round(codes.shape[1] * 1e6 / identity.sample_rate_hz)
         self._slots[slot] = _HostSlot(peaks=peaks, duration_us=duration_us)
 
@@ -214,7 +213,7 @@ class HostDriver(BurstDevice):
         armed = self._armed if self._armed is not None and token == self._armed.token else None
         if armed is not None:
             self._check_rest()
-        fired = self._delivery(self._link.exchange(Fire(token=token)))
+        fired = delivery(self._link.exchange(Fire(token=token)), self._channels)
         if armed is not None:
             self._burst, self._burst_us = fired, self._slots[armed.slot].duration_us
             self._armed = None
@@ -235,7 +234,7 @@ class HostDriver(BurstDevice):
         answer = self._link.exchange(Query(token=check_token(token)))
         if answer.record.reason is Refusal.NOT_ARMED and (self._has_restarted or self._restarted):
             answer = replace(answer, record=Record.unknown(token))
-        return self._delivery(answer)
+        return delivery(answer, self._channels)
 
     def limits(self) -> DeviceLimits:
         """Return what the device is ready to do; a study is held against it before a session."""
@@ -252,12 +251,9 @@ class HostDriver(BurstDevice):
 
         Refused with BUSY while it plays.
         """
-        channels = self._require_open().channels
+        self._require_open()
         measurement = self._link.exchange(AskMeasured(token=check_token(token))).record
-        if not measurement.tap:
-            return None
-        peaks, correlations = measurement.peaks[:channels], measurement.correlations[:channels]
-        return replace(measurement, peaks=peaks, correlations=correlations)
+        return measurement if measurement.tap else None
 
     def stop(self) -> None:
         """Bring outputs to zero: from any thread, in any state, any number of times, no lock."""
@@ -297,18 +293,13 @@ class HostDriver(BurstDevice):
             since_us = round((self._clock.now_s() - self._burst.host_after_s) * 1e6)
             check_rest(since_onset_us=since_us, duration_us=self._burst_us, limits=self._limits)
 
-    def _delivery(self, answer: Exchange[Record]) -> Delivery:
-        """Return what is known of a burst, with the levels of the channels that are driven."""
-        return delivery(answer, self._require_open().channels)
-
     def _lost(self, token: int) -> Delivery:
         """Return the delivery of a token whose power cycle is over."""
         now_s = self._clock.now_s()
-        return self._delivery(
-            Exchange(
-                record=Record.unknown(token),
-                boot_id=self._link.boot_id,
-                host_before_s=now_s,
-                host_after_s=now_s,
-            )
+        exchange = Exchange(
+            record=Record.unknown(token),
+            boot_id=self._link.boot_id,
+            host_before_s=now_s,
+            host_after_s=now_s,
         )
+        return delivery(exchange, self._channels)

@@ -22,7 +22,7 @@ from device.core.states import State
 from device.driver import Identity
 from device.emulate.amplifier import Amplifier
 from device.emulate.faults import FaultyLine
-from device.emulate.firmware import FIRMWARE_CHANNELS, FirmwareEndpoint
+from device.emulate.firmware import FirmwareEndpoint
 from device.wire.endpoint import Endpoint
 
 if TYPE_CHECKING:
@@ -148,15 +148,12 @@ class Nature:
     firmware: FirmwareLibrary | None = None
 
     def __post_init__(self) -> None:
-        if self.firmware is not None:
-            for name, compiled, value in (
-                ("ceiling_vpp", self.firmware.ceiling_vpp, self.limits.ceiling_vpp),
-                ("channels", FIRMWARE_CHANNELS, self.output.channels),
-            ):
-                if value != compiled:
-                    raise ValueError(
-                        f"{name} must be {compiled:g}, as compiled into the firmware; got {value:g}"
-                    )
+        values = f"{self.limits.ceiling_vpp:g} and {self.output.channels}"
+        if self.firmware is not None and values != self.firmware.compiled:
+            raise ValueError(
+                f"ceiling_vpp and channels must be {self.firmware.compiled}, as compiled into the "
+                f"firmware; got {values}"
+            )
         require_real("ceiling_vpp", self.limits.ceiling_vpp, minimum=0.001, maximum=_MAX_VPP_OR_HZ)
         require_real(
             "sample_rate_hz", self.output.sample_rate_hz, minimum=0.001, maximum=_MAX_VPP_OR_HZ

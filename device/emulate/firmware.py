@@ -88,6 +88,8 @@ class FirmwareLibrary:
     ceiling_vpp, rail_vpp : float
         Ceiling of the device, and the volts that the full scale of its converter reaches, both
         peak-to-peak at the actuator, as compiled in.
+    compiled : str
+        Ceiling and number of channels, for messages.
 
     Raises
     ------
@@ -108,6 +110,7 @@ class FirmwareLibrary:
                 f"{error}"
             ) from error
         self.ceiling_vpp, self.rail_vpp = ceiling_mvpp / 1000, rail_mvpp / 1000
+        self.compiled = f"{self.ceiling_vpp:g} and {FIRMWARE_CHANNELS}"
         self._declare()
 
     def _declare(self) -> None:

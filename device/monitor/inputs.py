@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from scipy import signal
 
 from device.errors import LinkError
-from device.monitor.judge import judge
+from device.monitor.judge import correlations_of, judge
 from device.monitor.matching import Template
 from device.monitor.measured import Fault, Measured, Planned, Tap, Tolerances, void
 
@@ -234,13 +234,9 @@ class InputMonitor:
             late_s=None if delay_s is None else late_s,
             sample_rate_hz=rate_hz,
         )
-        silence = self._tolerances.silence
-        sounds = [
-            match.amplitude >= silence * full
-            for match, full in zip(matches, planned.burst, strict=True)
-        ]
-        sounding = (i for i, is_sounding in enumerate(sounds) if is_sounding)
-        first = min(sounding, key=lambda i: frames[i], default=None)
+        correlations = correlations_of(planned, matches, self._tolerances.silence)
+        heard = (i for i, correlation in enumerate(correlations) if correlation is not None)
+        first = min(heard, key=lambda i: frames[i], default=None)
         is_clipped = Fault.CLIPPED in faults
         onset: dict[str, float] = {}
         if first is not None and not unmeasured:
@@ -260,10 +256,7 @@ class InputMonitor:
                 _peak(match, is_driven=peak > 0, is_clipped=is_clipped)
                 for peak, match in zip(planned.peaks, matches, strict=True)
             ),
-            correlations=tuple(
-                match.correlation if is_sounding else None
-                for match, is_sounding in zip(matches, sounds, strict=True)
-            ),
+            correlations=correlations,
             noise=tuple(match.noise_rms for match in matches),
             faults=voiding,
             noted=tuple(fault for fault in faults if fault not in voiding),

@@ -61,6 +61,14 @@ def judge(
     return tuple(dict.fromkeys(faults)), ""
 
 
+def correlations_of(
+    planned: Planned, matches: Sequence[TemplateMatch], silence: float
+) -> tuple[float | None, ...]:
+    """Return the correlation of each channel, None where only silence came out."""
+    pairs = zip(matches, planned.burst, strict=True)
+    return tuple(m.correlation if m.amplitude >= silence * full else None for m, full in pairs)
+
+
 def _noise_reason(
     snr_db: float, match: TemplateMatch, full: float, *, finest: Tolerances | None, silence: float
 ) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from device.errors import LinkError, Refusal, RefusedError
-from device.monitor.judge import judge
+from device.monitor.judge import correlations_of, judge
 from device.monitor.matching import TemplateMatch
 from device.monitor.measured import Measured, Planned, Tap, Tolerances, void
 
@@ -93,46 +93,44 @@ class DeviceMonitor:
             self._clock.wait(_POLL_S)
 
     def _judge(self, delivery: Delivery, report: Measurement, planned: Planned) -> Measured:
-        scale, silence = _SCALE[self.tap], self._tolerances.silence
-        peaks = tuple(
-            peak * scale * per_unit
-            for peak, per_unit in zip(report.peaks, self._per_unit, strict=True)
-        )
-        correlations = [correlation * _PER_ONE for correlation in report.correlations]
+        scale = _SCALE[self.tap]
+        # A device may have more channels than are driven, which are its first ones.
+        reported = zip(report.peaks, report.correlations, strict=True)
+        channels = zip(reported, planned.burst, self._per_unit, strict=False)
         matches = [
             TemplateMatch(
-                amplitude=peak, largest=peak, correlation=correlation, noise_rms=_NO_NOISE * full
+                amplitude=peak * scale * per_unit,
+                largest=peak * scale * per_unit,
+                correlation=correlation * _PER_ONE,
+                noise_rms=_NO_NOISE * full,
             )
-            for peak, correlation, full in zip(peaks, correlations, planned.burst, strict=True)
+            for (peak, correlation), full, per_unit in channels
         ]
-        driven = [index for index, peak in enumerate(planned.peaks) if peak] or range(len(peaks))
-        delay_s = min(self._delay_s[index] for index in driven)  # MEASURED has one onset: the first
-        late_s = report.onset_offset_us * 1e-6 - delay_s
+        delays_s = zip(self._delay_s, planned.peaks, strict=True)
+        delay_s = min(delay_s for delay_s, peak in delays_s if peak or planned.blank)
+        late_s = report.onset_offset_us * 1e-6 - delay_s  # MEASURED has one onset: the first
         faults, _ = judge(
             planned,
             matches,
             tap=self.tap,
             tolerances=self._tolerances,
-            late_s=[late_s] * len(peaks),
+            late_s=[late_s] * len(matches),
             sample_rate_hz=planned.sample_rate_hz,
         )
         voiding = void(faults, self.tap)
-        sounds = [peak >= silence * full for peak, full in zip(peaks, planned.burst, strict=True)]
-        is_heard = any(sounds)
+        correlations = correlations_of(planned, matches, self._tolerances.silence)
+        is_heard = any(correlation is not None for correlation in correlations)
         reported_s = (delivery.host_before_s + delivery.host_after_s) / 2
         uncertainty_s = delivery.uncertainty_s + report.onset_uncertainty_us * 1e-6
         return Measured(
             token=delivery.token,
             tap=self.tap,
             source=self.source,
-            peaks=peaks,
+            peaks=tuple(match.amplitude for match in matches),
             onset_s=reported_s + late_s if is_heard else None,
             onset_uncertainty_s=uncertainty_s if is_heard else None,
             late_s=late_s if is_heard else None,
-            correlations=tuple(
-                correlation if is_sounding else None
-                for correlation, is_sounding in zip(correlations, sounds, strict=True)
-            ),
+            correlations=correlations,
             faults=voiding,
             noted=tuple(fault for fault in faults if fault not in voiding),
             blank=planned.blank,

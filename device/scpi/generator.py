@@ -39,7 +39,6 @@ CANNOT: Final = (
 )
 """What no generator can promise."""
 
-FIRST_TWO: Final = (1, 2)
 _IDENTIFY_WITHIN_S: Final = 1.0
 
 
@@ -62,7 +61,7 @@ class GeneratorConverter(Converter):
         limits: Limits,
         amplifier_gain: float,
         sample_rate_hz: float,
-        outputs: tuple[int, ...] = FIRST_TWO,
+        outputs: tuple[int, ...] = (1, 2),
     ) -> None:
         require_positive("amplifier_gain", amplifier_gain)
         self.channels = len(outputs)
@@ -188,8 +187,7 @@ class GeneratorConverter(Converter):
         if dialect is None:
             raise LinkError(f"no generator that is known here: {identity}")
         if max(self._outputs) > dialect.channels:
-            outputs = ", ".join(map(str, self._outputs))
-            raise LinkError(f"the generator has {dialect.channels} outputs, got {outputs}")
+            raise LinkError(f"the generator has {dialect.channels} outputs, got {self._outputs}")
         maker, model, serial_number, *_ = (*identity.split(","), "", "")
         self.name, self.serial_number = f"{maker} {model}", serial_number
         self.emulated = serial_number == EMULATED
@@ -285,7 +283,7 @@ def generator_device(
     clock: Clock,
     amplifier_gain: float,
     sample_rate_hz: float,
-    outputs: tuple[int, ...] = FIRST_TWO,
+    outputs: tuple[int, ...] = (1, 2),
     line: LineSettings = USUAL,
 ) -> ConverterDevice:
     """Return the driver of the generator on a port; nothing is opened yet.

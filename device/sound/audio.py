@@ -6,7 +6,8 @@ frame of it and reported no gap until it must have been heard.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from functools import partial
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -177,19 +178,9 @@ def audio_device(
     >>> device.cannot[2]
     'cut short what the sound card was given already'
     """
-
-    def open_card(callback: Callback) -> Stream:
-        card: dict[str, Any] = {
-            "card": port,
-            "channels": channels,
-            "sample_rate_hz": sample_rate_hz,
-        }
-        if recorder is not None:
-            return open_duplex(callback, recorder, **card)
-        return open_stream(callback, latency="low", **card)
-
+    opened = partial(open_duplex, recorder=recorder) if recorder else partial(open_stream)
     converter = AudioConverter(
-        open_card,
+        partial(opened, card=port, channels=channels, sample_rate_hz=sample_rate_hz),
         clock,
         volts_full_scale=volts_full_scale,
         sample_rate_hz=sample_rate_hz,

@@ -29,6 +29,7 @@ INVALID_SAMPLE_RATE: Final = -9997
 
 _STDERR: Final = 2
 
+Latency: TypeAlias = float | Literal["low"]
 Callback: TypeAlias = Callable[[Frames, int, "Timing", "StreamStatus"], None]
 _Result = TypeVar("_Result")
 
@@ -49,27 +50,22 @@ class Stream(Protocol):
 
 
 def open_stream(
-    callback: Callback,
-    *,
-    card: str,
-    channels: int = 2,
-    sample_rate_hz: float,
-    latency: float | Literal["low"],
+    callback: Callback, *, card: str, channels: int, sample_rate_hz: float, latency: Latency = "low"
 ) -> Stream:
     """Open outputs of int16 that are fed by a callback, and begin to call it.
 
     The card is a name, or a part of it that no other has, as `sounddevice` lists them; empty for
     the system's default. A `LinkError` says that PortAudio is missing, or cannot open or start it.
     """
-    with _naming(f"{channels} outputs"):
-        stream: Stream = _started(
-            "OutputStream",
-            card,
-            samplerate=sample_rate_hz,
-            channels=channels,
-            latency=latency,
-            callback=callback,
-        )
+    stream: Stream = _started(
+        "OutputStream",
+        card,
+        f"{channels} outputs",
+        samplerate=sample_rate_hz,
+        channels=channels,
+        latency=latency,
+        callback=callback,
+    )
     return stream
 
 
@@ -83,28 +79,17 @@ def open_duplex(
         callback(out, count, timing, status)
 
     inputs = max(recorder.channels)
-    with _naming(f"{inputs} inputs, as monitor.inputs has them, and {channels} outputs"):
-        stream: Stream = _started(
-            "Stream",
-            card,
-            samplerate=sample_rate_hz,
-            channels=(inputs, channels),
-            latency="low",
-            callback=both,
-        )
+    stream: Stream = _started(
+        "Stream",
+        card,
+        f"{inputs} inputs, as monitor.inputs has them, and {channels} outputs",
+        samplerate=sample_rate_hz,
+        channels=(inputs, channels),
+        latency="low",
+        callback=both,
+    )
     recorder.latency_s = stream.latency[0]
     return stream
-
-
-@contextlib.contextmanager
-def _naming(channels: str) -> Iterator[None]:
-    """Name the channels that a card does not have where PortAudio only says that it does not."""
-    try:
-        yield
-    except SoundCardError as error:
-        if error.code != INVALID_CHANNEL_COUNT:
-            raise
-        raise LinkError(f"{error}; it must have {channels}") from error
 
 
 def output_latency_s(stream: Stream) -> float:
@@ -119,11 +104,13 @@ def open_inputs(recorder: Recorder, *, card: str) -> Stream:
     def heard(frames: Frames, _: int, timing: Any, status: Any) -> None:
         recorder.take(frames, timing, status)
 
+    inputs = max(recorder.channels)
     stream: Stream = _started(
         "InputStream",
         card,
+        f"{inputs} inputs",
         samplerate=recorder.sample_rate_hz,
-        channels=max(recorder.channels),
+        channels=inputs,
         latency="low",
         callback=heard,
     )
@@ -131,7 +118,7 @@ def open_inputs(recorder: Recorder, *, card: str) -> Stream:
     return stream
 
 
-def _started(kind: str, card: str, **settings: Any) -> Any:
+def _started(kind: str, card: str, needed: str, **settings: Any) -> Any:
     try:
         import sounddevice
     except (ImportError, OSError) as error:
@@ -144,19 +131,20 @@ def _started(kind: str, card: str, **settings: Any) -> Any:
             dtype="int16", device=card or None, dither_off=True, **settings
         )
     except (sounddevice.PortAudioError, ValueError) as error:
-        raise _sound_card_error(card, "open", error) from error
+        raise _sound_card_error(card, "open", error, needed) from error
     try:
         stream.start()
     except sounddevice.PortAudioError as error:
         stream.close()
-        raise _sound_card_error(card, "start", error) from error
+        raise _sound_card_error(card, "start", error, needed) from error
     return stream
 
 
-def _sound_card_error(card: str, step: str, error: Exception) -> SoundCardError:
+def _sound_card_error(card: str, step: str, error: Exception, needed: str) -> SoundCardError:
     """Take over the error number, which PortAudio's errors carry beside their message."""
-    codes = [value for value in error.args[1:2] if isinstance(value, int)]
-    return SoundCardError(card=card, step=step, reason=str(error), code=next(iter(codes), None))
+    code = next((value for value in error.args[1:2] if isinstance(value, int)), None)
+    hint = f"; it must have {needed}" if code == INVALID_CHANNEL_COUNT else ""
+    return SoundCardError(card=card, step=step, reason=f"{error}{hint}", code=code)
 
 
 def sound_cards() -> dict[str, int]:
@@ -166,8 +154,7 @@ def sound_cards() -> dict[str, int]:
     except (ImportError, OSError):
         return {}
     cards = sounddevice.query_devices()
-    outputs = {card["name"]: card["max_output_channels"] for card in cards}
-    return {name: n_outputs for name, n_outputs in outputs.items() if n_outputs}
+    return {card["name"]: n for card in cards if (n := card["max_output_channels"])}
 
 
 def sound_lack() -> Lack | None:

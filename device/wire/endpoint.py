@@ -64,12 +64,7 @@ class Endpoint:
         self._newest: int | None = None
         self._last_question: Frame | None = None
         self._last_answer = b""
-        self._uploads = Uploads(
-            channels=identity.channels,
-            bits=identity.bits,
-            limits=core.limits,
-            held_beside=core.held_beside,
-        )
+        self._uploads = Uploads(core.output, core.limits, core.held_beside)
 
     def receive(self, now_us: int, data: bytes) -> bytes:
         """Take whatever arrived at a device time and return the bytes to send back.

@@ -186,16 +186,13 @@ class Layout(Generic[_Value]):
     def pack(self, value: _Value, channels: int = 0) -> bytes:
         """Return the bytes of a value; where a repeated field is empty, zeros for each channel."""
         numbers: list[Any] = []
-        n_repeated = 0
         for name, field in self._fields.items():
             number = field.pack(getattr(value, name))
             if field.is_repeated:
-                repeated = number or (0,) * channels
-                n_repeated = len(repeated)
-                numbers += repeated
-            else:
-                numbers.append(number)
-        return struct.pack(self._format(n_repeated), *numbers)
+                number = number or (0,) * channels
+                channels = len(number)
+            numbers += number if field.is_repeated else (number,)
+        return struct.pack(self._format(channels), *numbers)
 
     def read(self, content: bytes) -> _Value:
         """Return the value of some bytes.
@@ -203,21 +200,16 @@ class Layout(Generic[_Value]):
         Bytes of another length and numbers that stand for nothing are refused with BAD_MESSAGE,
         and what the value itself refuses with its own code.
         """
-        n_left = len(content) - self.size
-        n_repeated = n_left // self.size_of_each if self.size_of_each else 0
-        if n_left < 0 or n_left != n_repeated * self.size_of_each:
-            raise rejection(
-                Refusal.BAD_MESSAGE, f"{self.size} bytes are expected, got {len(content)}"
-            )
+        n_repeated = max(0, len(content) - self.size) // (self.size_of_each or 1)
+        expected = self.size + n_repeated * self.size_of_each
+        if len(content) != expected:
+            raise rejection(Refusal.BAD_MESSAGE, f"{expected} bytes expected, got {len(content)}")
         numbers = iter(struct.unpack(self._format(n_repeated), content))
-        return self.make(
-            **{
-                name: field.value(
-                    name, islice(numbers, n_repeated) if field.is_repeated else next(numbers)
-                )
-                for name, field in self._fields.items()
-            }
-        )
+        values = {}
+        for name, field in self._fields.items():
+            number = islice(numbers, n_repeated) if field.is_repeated else next(numbers)
+            values[name] = field.value(name, number)
+        return self.make(**values)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -391,9 +383,14 @@ def pack_report(kind: int, report: Any, channels: int) -> bytes:
     return b"" if layout is None else layout.pack(report, channels)
 
 
-def read_report(kind: int, body: bytes) -> Any:
-    """Return what an answer reports, or refuse with BAD_MESSAGE; None where it reports nothing."""
+def read_report(kind: int, body: bytes, channels: int) -> Any:
+    """Return what a device of so many channels reports; None where its answer reports nothing.
+
+    What is no such report is refused with BAD_MESSAGE.
+    """
     layout = TABLE[Kind(kind)].answer
+    if layout is not None and len(body) != layout.size + channels * layout.size_of_each:
+        raise rejection(Refusal.BAD_MESSAGE, f"{len(body)} bytes")
     return None if layout is None else layout.read(body)
 
 

@@ -15,6 +15,7 @@ from device.limits import check_memory, check_slot
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from device.core.output import OutputStage
     from device.limits import Limits
 
 LONGEST_DATA: Final = 32
@@ -75,21 +76,16 @@ class _Pending:
 
 
 class Uploads:
-    """The device's end: pieces to codes of `bits` bits for each channel, within the limits.
+    """The device's end: pieces to codes for the converters of a device, within its limits.
 
     `held_beside` returns how many samples are held in all slots but one.
     """
 
     def __init__(
-        self,
-        *,
-        channels: int,
-        bits: int,
-        limits: Limits,
-        held_beside: Callable[[int], int] = lambda _: 0,
+        self, output: OutputStage, limits: Limits, held_beside: Callable[[int], int]
     ) -> None:
-        self._channels = channels
-        self._type = _code_type(bits)
+        self._channels = output.channels
+        self._type = _code_type(output.bits)
         self._limits = limits
         self._held_beside = held_beside
         self._pending: _Pending | None = None

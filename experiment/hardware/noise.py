@@ -124,7 +124,7 @@ def noise_player(masking: Masking, clock: Clock, *, is_silent: bool) -> NoisePla
     if is_silent or masking.noise == "none":
         return SilentNoise()
     card, rate_hz = masking.sound_card, masking.sample_rate_hz
-    connect = partial(open_stream, card=card, sample_rate_hz=rate_hz, latency=LATENCY_S)
+    connect = partial(open_stream, card=card, channels=2, sample_rate_hz=rate_hz, latency=LATENCY_S)
     return SoundCardNoise(masking, clock, connect)
 
 

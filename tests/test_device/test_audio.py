@@ -174,7 +174,7 @@ def test_a_stream_is_opened_without_dither_and_closed_where_it_cannot_start(
     library = SimpleNamespace(PortAudioError=UnpluggedError, OutputStream=Opened)
     monkeypatch.setitem(sys.modules, "sounddevice", library)
     with pytest.raises(LinkError, match=r"^[^\n]*default: .*$"):
-        stream.open_stream(lambda *_: None, card="", sample_rate_hz=RATE_HZ, latency="low")
+        stream.open_stream(lambda *_: None, card="", channels=2, sample_rate_hz=RATE_HZ)
     assert not opened["stream"].active
     assert (opened["samplerate"], opened["channels"], opened["dtype"]) == (RATE_HZ, 2, "int16")
     assert (opened["device"], opened["latency"]) == (None, "low")

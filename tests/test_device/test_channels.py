@@ -124,9 +124,6 @@ def test_of_a_device_with_more_channels_only_the_first_are_driven() -> None:
     device.set_levels([100.0, 90.0, 80.0])
     assert play(device, 1).levels_vpp == (100.0, 0.0, 80.0)
     rig.wait(0.1)
-    measured = device.measured(1)
-    assert measured is not None
-    assert (len(measured.peaks), len(measured.correlations)) == (3, 3)
     (burst,) = (event for event in rig.truth if event["event"] == "burst")
     assert burst["levels_mv"] == [100_000, 0, 80_000, 0]
     device.close()

@@ -54,16 +54,16 @@ def test_a_report_is_read_again(kind: Kind) -> None:
         Kind.LIMITS: golden.power_on(golden.Reader()).core.take(
             1, protocol.read_message(Kind.LIMITS, b"")
         ),
-        Kind.HEALTH: protocol.read_report(Kind.HEALTH, b"\x05\x04"),
+        Kind.HEALTH: protocol.read_report(Kind.HEALTH, b"\x05\x04", 2),
         Kind.MEASURED: golden.READING,
         Kind.STOP: None,
     }[kind]
-    assert protocol.read_report(kind, protocol.pack_report(kind, report, 2)) == report
+    assert protocol.read_report(kind, protocol.pack_report(kind, report, 2), 2) == report
 
 
 @given(known=st.integers(0, 255), sensed=st.integers(0, 255))
 def test_health_keeps_what_is_known_and_nothing_else(known: int, sensed: int) -> None:
-    health = protocol.read_report(Kind.HEALTH, bytes([known, sensed]))
+    health = protocol.read_report(Kind.HEALTH, bytes([known, sensed]), 2)
     assert protocol.pack_report(Kind.HEALTH, health, 2) == bytes([known & 7, known & sensed & 7])
 
 
