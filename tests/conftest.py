@@ -16,7 +16,7 @@ from hypothesis import settings
 from experiment import ConditionGains, simulate_study, study_from_text
 from tactstrip import main
 from tests.plates import PAPER_PLATE, on_paper_plate
-from tests.processes import emulate, emulator_server, kill_at, null_sink
+from tests.processes import emulate, emulator_server, kill_at, null_sink, wide_sink
 from tests.test_experiment.sessions import contents
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     Simulate: TypeAlias = Callable[..., Path]
 
 pytest.register_assert_rewrite("tests.test_device.contract")
-__all__ = ["emulate", "emulator_server", "kill_at", "null_sink"]  # fixtures
+__all__ = ["emulate", "emulator_server", "kill_at", "null_sink", "wide_sink"]  # fixtures
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)

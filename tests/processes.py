@@ -9,8 +9,8 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import suppress
-from typing import IO, TYPE_CHECKING, TypeAlias
+from contextlib import contextmanager, suppress
+from typing import IO, TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 import pytest
@@ -176,18 +176,30 @@ def require(area: str, missing: Iterable[str]) -> None:
         (pytest.fail if required else pytest.skip)(f"not installed: {names}")
 
 
-class NullSink:
-    """A PulseAudio server with a sink of 48 kHz, 16 bit and two channels, which records itself."""
+# The channels of a stream through ALSA's plugin have these names. A sink with others would get a
+# mixture of them, as a sound server matches channels by their names.
+_CHANNEL_NAMES: Final = (
+    *("front-left", "front-right", "rear-left", "rear-right"),
+    *("front-center", "lfe", "side-left", "side-right"),
+    *(f"aux{i}" for i in range(24)),
+)
 
-    def __init__(self, folder: Path) -> None:
+
+class NullSink:
+    """A PulseAudio server with a sink of 48 kHz and 16 bit, which records itself."""
+
+    def __init__(self, folder: Path, channels: int = 2) -> None:
         self.socket = folder / "socket"
+        self.channels = channels
+        self._map = ",".join(_CHANNEL_NAMES[:channels])
         self._file = folder / "recording.raw"
         self._server: subprocess.Popen[bytes] | None = None
         self._recorder: subprocess.Popen[bytes] | None = None
 
     def start(self) -> None:
         """Start the server."""
-        sink = "--load=module-null-sink sink_name=plate rate=48000 format=s16le channels=2"
+        sink = "--load=module-null-sink sink_name=plate rate=48000 format=s16le"
+        sink += f" channels={self.channels} channel_map={self._map}"
         line = f"--load=module-native-protocol-unix socket={self.socket} auth-anonymous=1"
         command = ["pulseaudio", "-n", "--daemonize=no", "--use-pid-file=no", "--disable-shm=yes"]
         command += ["--exit-idle-time=-1", sink, line]
@@ -199,15 +211,16 @@ class NullSink:
         self._end(self._recorder)
         with self._file.open("wb") as out:
             command = ["parec", "--device=plate.monitor", "--raw", "--latency-msec=10"]
-            command += ["--format=s16le", "--rate=48000", "--channels=2"]
+            command += ["--format=s16le", "--rate=48000", f"--channels={self.channels}"]
+            command += [f"--channel-map={self._map}"]
             self._recorder = subprocess.Popen(command, stdout=out, stderr=subprocess.DEVNULL)
         assert self.until(lambda: self._file.stat().st_size > 0)
 
     def recorded(self) -> NDArray[np.int16]:
-        """Return the frames recorded so far, shape (n, 2)."""
-        raw = self._file.read_bytes()
-        frames: NDArray[np.int16] = np.frombuffer(raw[: len(raw) // 4 * 4], dtype="<i2")
-        return frames.reshape(-1, 2)
+        """Return the frames recorded so far, shape (n, channels)."""
+        raw, size = self._file.read_bytes(), 2 * self.channels
+        frames: NDArray[np.int16] = np.frombuffer(raw[: len(raw) // size * size], dtype="<i2")
+        return frames.reshape(-1, self.channels)
 
     def kill(self) -> None:
         """Kill the server."""
@@ -251,11 +264,24 @@ def _sound_missing() -> list[str]:
 @pytest.fixture(scope="module")
 def null_sink(tmp_path_factory: pytest.TempPathFactory) -> Iterator[NullSink]:
     """Real sound: PortAudio plays into a null sink, which can be listened to and killed."""
+    with playing_into(NullSink(tmp_path_factory.mktemp("sound"))) as sink:
+        yield sink
+
+
+@pytest.fixture
+def wide_sink(tmp_path: Path) -> Iterator[NullSink]:
+    """A null sink with sixteen channels."""
+    with playing_into(NullSink(tmp_path, channels=16)) as sink:
+        yield sink
+
+
+@contextmanager
+def playing_into(sink: NullSink) -> Iterator[NullSink]:
+    """Have PortAudio play into a sink, of this process and of those that it starts."""
     require("sound", _sound_missing())
     import sounddevice
 
-    folder = tmp_path_factory.mktemp("sound")
-    sink = NullSink(folder)
+    folder = sink.socket.parent
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HOME", str(folder))
         patch.setenv("XDG_RUNTIME_DIR", str(folder))

@@ -29,9 +29,14 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.xdist_group("sound")
 
 
-def card() -> BurstDevice:
+def card(channels: int = 2) -> BurstDevice:
     """Return the null sink as a device."""
-    settings = DriverSettings(limits=LIMITS, port="pulse", volts_full_scale=FULL_SCALE_V)
+    settings = DriverSettings(
+        limits=LIMITS,
+        port="pulse",
+        volts_full_scale=FULL_SCALE_V,
+        channels=tuple(range(1, channels + 1)),
+    )
     return make_device("audio", settings, MonotonicClock())
 
 
@@ -57,6 +62,42 @@ def test_a_null_sink_hears_the_burst_bit_for_bit(null_sink: NullSink, side: int)
     device.close()
     assert any(fired)
     assert null_sink.until(heard)
+
+
+def test_each_of_sixteen_slots_is_heard_on_its_own_channel_bit_for_bit(wide_sink: NullSink) -> None:
+    channels = range(wide_sink.channels)
+    device = card(wide_sink.channels)
+    device.open()
+    for slot in channels:
+        device.load(slot, np.stack([BURST * (channel == slot) for channel in channels]))
+    device.enable()
+    levels_vpp = [LEVEL_VPP - 2.0 * channel for channel in channels]
+    device.set_levels(levels_vpp)
+    wide_sink.listen()
+    token = 0
+    for channel, level_vpp in enumerate(levels_vpp):
+        codes = np.trunc(np.trunc(BURST * 32767) * level_vpp / 2 / FULL_SCALE_V).astype("<i2")
+        burst = codes[1:-1].tobytes()
+
+        def heard(channel: int = channel, burst: bytes = burst) -> bool:
+            return burst in wide_sink.recorded()[:, channel].tobytes()
+
+        for _ in range(20):
+            token += 1
+            delivery = play(device, token, channel)
+            MonotonicClock().wait(0.1)
+            if delivery.outcome is Outcome.FIRED and heard():
+                break
+        assert delivery.levels_vpp == tuple(
+            level_vpp if other == channel else 0.0 for other in channels
+        )
+        assert wide_sink.until(heard)
+    device.close()
+    recorded = wide_sink.recorded()
+    assert np.count_nonzero(recorded, axis=1).max() == 1
+    assert np.abs(recorded).max(axis=0).tolist() == [
+        int(level_vpp / 2 / FULL_SCALE_V * 32767) for level_vpp in levels_vpp
+    ]
 
 
 WRONG = {

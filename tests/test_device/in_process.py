@@ -221,6 +221,7 @@ class SoundCard(VirtualClock):
     buffer = 64
     latency = 0.02
     active = True
+    channels = 2
     callback: Callback | None = None
 
     def connect(self, callback: Callback) -> SoundCard:
@@ -239,7 +240,7 @@ class SoundCard(VirtualClock):
                 self.take(self.callback)
 
     def take(self, callback: Callback, *, underflow: bool = False) -> Frames:
-        out = np.full((self.buffer, 2), 99, dtype=np.int16)
+        out = np.full((self.buffer, self.channels), 99, dtype=np.int16)
         timing = SimpleNamespace(currentTime=0.0, outputBufferDacTime=self.latency)
         callback(out, self.buffer, timing, SimpleNamespace(output_underflow=underflow))
         return out
@@ -251,11 +252,11 @@ class LoopCard(SoundCard):
     The next buffer's frames are `put_in`; `word_s` is the latency of its inputs that it tells.
     """
 
-    def __init__(self, *, seed: int = 1, buffer: int = 64) -> None:
+    def __init__(self, *, seed: int = 1, buffer: int = 64, channels: int = 2) -> None:
         super().__init__()
-        self.buffer = buffer
-        self.recorder = recorder_on(self)
-        self.line = Line(seed=seed)
+        self.buffer, self.channels = buffer, channels
+        self.recorder = recorder_on(self, channels)
+        self.line = Line(seed=seed, channels=channels)
         self.put_in = False
         self.word_s = self.buffer / 48e3
         self._due_s = 0.0
@@ -281,9 +282,9 @@ class LoopCard(SoundCard):
         VirtualClock.wait(self, max(until_s - self.now_s(), 0.0))
 
 
-def recorder_on(clock: Clock) -> Recorder:
-    """Return what records two inputs at 48 kHz."""
-    return Recorder(clock, 48_000.0)
+def recorder_on(clock: Clock, channels: int = 2) -> Recorder:
+    """Return what records the first inputs at 48 kHz."""
+    return Recorder(clock, 48_000.0, channels=tuple(range(1, channels + 1)))
 
 
 def audio_on(card: SoundCard, limits: Limits = LIMITS) -> ConverterDevice:
@@ -295,6 +296,7 @@ def audio_on(card: SoundCard, limits: Limits = LIMITS) -> ConverterDevice:
         sample_rate_hz=48_000.0,
         card="card",
         recorder=recorder,
+        channels=card.channels,
     )
     return ConverterDevice(converter, limits=limits, clock=card)
 

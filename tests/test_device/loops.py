@@ -32,10 +32,10 @@ def planned(side: str) -> Planned:
 
 
 class Line:
-    """A line for two channels.
+    """A line for some channels.
 
-    Delays in frames, left and right; `noise` is the effective value of what is added, of full
-    scale. `path` gets what was put in so far, shape (n, 2) of full scale, the latest last, and
+    Delays in frames, one for each; `noise` is the effective value of what is added, of full scale.
+    `path` gets what was put in so far, shape (n, channels) of full scale, the latest last, and
     returns what is led on.
     """
 
@@ -43,12 +43,12 @@ class Line:
     _KEPT: Final = 4096
     _PIECE: Final = 512
 
-    def __init__(self, *, seed: int) -> None:
-        self.delays = [DELAY, DELAY]
+    def __init__(self, *, seed: int, channels: int = 2) -> None:
+        self.delays = [DELAY] * channels
         self.noise = 0.0
         self.path: Callable[[FloatArray], FloatArray] = lambda past: past
         self._rng = np.random.default_rng(seed)
-        self._past = np.zeros((self._KEPT, 2))
+        self._past = np.zeros((self._KEPT, channels))
 
     def put(self, out: Frames) -> None:
         """Put frames in."""
@@ -56,7 +56,7 @@ class Line:
 
     def heard(self, count: int, *, ahead: int = 0) -> Frames:
         """Return the last frames that come out; `ahead` of those that were put in."""
-        heard = self.noise * self._rng.normal(size=(count, 2))
+        heard = self.noise * self._rng.normal(size=(count, len(self.delays)))
         if self._past.any():
             path = self.path(self._past)
             for i, delay in enumerate(self.delays):

@@ -52,7 +52,8 @@ def monitor_of(
         clock,
         tap=tap,
         calibration=Calibration(
-            per_unit=(FULL_SCALE_V,) * 2, delay_s=None if delay_s is None else (delay_s,) * 2
+            per_unit=(FULL_SCALE_V,) * len(recorder.channels),
+            delay_s=None if delay_s is None else (delay_s,) * len(recorder.channels),
         ),
         tolerances=Tolerances(**tolerances),
         source="loop",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import count
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,13 +21,19 @@ from device import (
 )
 from device.core.host import HostDriver
 from device.emulate.amplifier import Adc, Amplifier
+from device.monitor.measured import Fault, Planned, Tap, Tolerances
+from device.monitor.reported import DeviceMonitor
 from tests.test_device.bursts import BURST, play, refusal
-from tests.test_device.in_process import InProcess
+from tests.test_device.in_process import InProcess, LoopCard, audio_on
+from tests.test_device.loops import DELAY
+from tests.test_device.monitors import monitor_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
+
+    from device.monitor.measured import Measured, Monitor
 
 LIMITS = Limits(ceiling_vpp=200.0, min_interval_s=0.005)
 ADC = Adc.parse("tap=amplifier")
@@ -102,6 +109,80 @@ def test_each_channel_plays_its_own_waveform_at_its_own_level(kind: str, channel
             assert np.allclose(measured.peaks, 1000 * peaks_v, atol=1)
             assert [bool(alike) for alike in measured.correlations] == [*(peaks_v > 0)]
     assert len(emitted()) == 3
+
+
+@pytest.mark.parametrize("kind", ["mock", "wire", "converter"])
+def test_each_of_sixteen_slots_plays_on_its_own_channel(kind: str) -> None:
+    device, wait, emitted = bench(kind, 16)
+    device.open()
+    for slot in range(16):
+        device.load(slot, np.stack([BURST * (channel == slot) for channel in range(16)]))
+    device.enable()
+    device.set_levels([100.0] * 16)
+    for slot in range(16):
+        assert play(device, slot + 1, slot).outcome is Outcome.FIRED
+        wait(0.1)
+        assert emitted()[-1].any(axis=1).tolist() == [channel == slot for channel in range(16)]
+    assert len(emitted()) == 16
+
+
+@pytest.mark.parametrize("channels", [1, 3, 16])
+@pytest.mark.parametrize("kind", ["inputs", "device"])
+def test_a_monitor_verifies_each_channel_and_reports_a_burst_on_another_one(
+    kind: str, channels: int
+) -> None:
+    measure = measuring(kind, channels)
+    for channel in range(channels):
+        measured = measure(channel, channel)
+        assert (measured.verified, measured.faults, measured.noted) == ("amplifier", (), ())
+        assert measured.peaks is not None
+        expected_v = [50.0 * (each == channel) for each in range(channels)]
+        assert np.allclose(measured.peaks, expected_v, atol=0.5)
+        assert measured.correlations is not None
+        sounding = [alike is not None for alike in measured.correlations]
+        assert sounding == [each == channel for each in range(channels)]
+    if channels > 1:
+        assert measure(0, channels - 1).faults == (Fault.SWAPPED,)
+
+
+def measuring(kind: str, channels: int) -> Callable[[int, int], Measured]:
+    """Return what plays a slot, each on its own channel, and measures what was planned."""
+    card = LoopCard(channels=channels)
+    rig = InProcess(output=OutputStage(channels=channels), amplifier=Amplifier(adc=ADC))
+    device: HostDriver = audio_on(card) if kind == "inputs" else rig.device
+    wait = card.wait if kind == "inputs" else rig.wait
+    device.open()
+    for slot in range(channels):
+        device.load(slot, np.stack([BURST * (channel == slot) for channel in range(channels)]))
+    device.enable()
+    device.set_levels([100.0] * channels)
+    monitor: Monitor = DeviceMonitor(
+        device,
+        rig.clock,
+        tap=Tap.AMPLIFIER,
+        per_unit=(1.0,) * channels,
+        delay_s=(0.0,) * channels,
+        tolerances=Tolerances(),
+    )
+    if kind == "inputs":
+        delay_s = DELAY / 48e3
+        monitor = monitor_of(
+            device, card.recorder, card, tap=Tap.AMPLIFIER, delay_s=delay_s, tolerances={}
+        )
+    monitor.open()
+    tokens = count(1)
+
+    def measure(planned_channel: int, slot: int) -> Measured:
+        token = next(tokens)
+        wait(0.3)
+        peaks = tuple(50.0 * (channel == planned_channel) for channel in range(channels))
+        burst = (50.0,) * channels
+        monitor.begin(token, Planned(shape=BURST, sample_rate_hz=48e3, peaks=peaks, burst=burst))
+        delivery = play(device, token, slot)
+        wait(0.15)
+        return monitor.end(delivery)
+
+    return measure
 
 
 @pytest.mark.parametrize("kind", ["mock", "wire", "converter"])
