@@ -34,7 +34,6 @@ NEEDS: Final[Mapping[str, tuple[str, ...]]] = {
     "audio": ("port", "volts_full_scale"),
 }
 """Every built-in driver by name, with the settings that it cannot do without."""
-FIRST_TWO: Final = (1, 2)
 GENERATOR_OUTPUTS: Final = tuple(range(1, 1 + max(dialect.channels for dialect in DIALECTS)))
 """The outputs of the largest generator that is known."""
 
@@ -79,7 +78,7 @@ class DriverSettings:
     sample_rate_hz: float = 48_000.0
     amplifier_gain: float | None = None
     volts_full_scale: float | None = None
-    channels: tuple[int, ...] = FIRST_TWO
+    channels: tuple[int, ...] = (1, 2)
     line: LineSettings = USUAL
     recorder: Recorder | None = None
 
@@ -222,16 +221,15 @@ def channel_fault(name: str, channels: tuple[int, ...]) -> str | None:
     >>> channel_fault("mock", (1, 2, 3)), channel_fault("mock", (3, 4))
     (None, 'channels must be [1, 2] for the driver mock, got [3, 4]: the example ...')
     >>> channel_fault("generator", (2, 1)), channel_fault("generator", (1, 2, 3))
-    (None, 'channels must be of [1, 2] for the driver generator, got [1, 2, 3]: the example ...')
+    (None, 'channels must be [1, 2] for the driver generator, got [1, 2, 3]: the example ...')
     """
-    is_generator, first = name == "generator", tuple(range(1, len(channels) + 1))
-    is_taken = {*channels} <= {*GENERATOR_OUTPUTS} if is_generator else channels == first
-    if name not in NEEDS or is_taken:
+    is_generator = name == "generator"
+    outputs = GENERATOR_OUTPUTS if is_generator else tuple(range(1, len(channels) + 1))
+    if name not in NEEDS or channels == outputs or (is_generator and {*channels} <= {*outputs}):
         return None
-    allowed = f"of {list(GENERATOR_OUTPUTS)}" if is_generator else f"{list(first)}"
     return (
-        f"channels must be {allowed} for the driver {name}, got {list(channels)}: the example "
-        "sound_card_channels is a driver that takes others"
+        f"channels must be {list(outputs)} for the driver {name}, got {list(channels)}: the "
+        "example sound_card_channels is a driver that takes others"
     )
 
 

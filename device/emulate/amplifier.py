@@ -76,8 +76,7 @@ class Adc:
         gain, volts = 0.0 if lost else self.gain * _MILLIVOLTS, burst.volts
         seen = gain * volts + self.noise * rng.standard_normal(volts.shape)
         norms = np.linalg.norm(seen, axis=1) * np.linalg.norm(volts, axis=1)
-        products = np.sum(seen * volts, axis=1)
-        alike = np.divide(products, norms, out=np.zeros(len(volts)), where=norms > 0)
+        alike = np.divide(np.sum(seen * volts, axis=1), norms, out=0 * norms, where=norms > 0)
         peaks = np.rint(np.abs(seen).max(axis=1, initial=0.0)).astype(int)
         correlations = np.rint(_WHOLE * np.clip(alike, 0.0, 1.0)).astype(int)
         return Measurement(

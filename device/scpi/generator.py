@@ -184,10 +184,9 @@ class GeneratorConverter(Converter):
     def _set_up(self, line: ScpiLine) -> None:
         identity = line.identify()
         dialect = dialect_of(identity)
-        if dialect is None:
-            raise LinkError(f"no generator that is known here: {identity}")
-        if max(self._outputs) > dialect.channels:
-            raise LinkError(f"the generator has {dialect.channels} outputs, got {self._outputs}")
+        if dialect is None or max(self._outputs) > dialect.channels:
+            outputs = ", ".join(map(str, self._outputs))
+            raise LinkError(f"no generator with outputs {outputs} that is known here: {identity}")
         maker, model, serial_number, *_ = (*identity.split(","), "", "")
         self.name, self.serial_number = f"{maker} {model}", serial_number
         self.emulated = serial_number == EMULATED

@@ -89,38 +89,32 @@ class Decoder:
 
     def __init__(self, channels: int = MAX_CHANNELS) -> None:
         self._longest = _SHORTEST_BODY + longest_payload(channels)
+        self._longest_coded = self._longest + self._longest // 254 + 1  # what COBS makes of it
         self._piece = b""
 
     def feed(self, data: bytes) -> list[Frame]:
         """Return the frames that these bytes complete."""
         *pieces, rest = (self._piece + data).split(_DELIMITER)
-        self._piece = rest[: _coded_size(self._longest) + 1]  # what is longer stays too long
-        frames = (_frame(coded, self._longest) for coded in pieces if coded)
-        return [frame for frame in frames if frame is not None]
+        self._piece = rest[: self._longest_coded + 1]  # what is longer stays too long
+        return [frame for frame in map(self._frame, filter(None, pieces)) if frame is not None]
 
-
-def _coded_size(size: int) -> int:
-    """Return the most bytes to which COBS codes so many."""
-    return size + size // 254 + 1
-
-
-def _frame(coded: bytes, longest: int) -> Frame | None:
-    """Return what lay between two delimiters, or None where that is no frame of this version."""
-    if len(coded) > _coded_size(longest):
-        return None
-    try:
-        body = cobs.decode(coded)
-    except cobs.DecodeError:
-        return None
-    if not _SHORTEST_BODY <= len(body) <= longest:
-        return None
-    content, tail = body[: -_TAIL.size], body[-_TAIL.size :]
-    if _TAIL.unpack(tail)[0] != zlib.crc32(content):
-        return None
-    version, kind, sequence = _HEAD.unpack_from(content)
-    if version != VERSION:
-        return None
-    return Frame(kind=kind, sequence=sequence, payload=content[_HEAD.size :])
+    def _frame(self, coded: bytes) -> Frame | None:
+        """Return what lay between two delimiters; None where it is no frame of this version."""
+        if len(coded) > self._longest_coded:
+            return None
+        try:
+            body = cobs.decode(coded)
+        except cobs.DecodeError:
+            return None
+        if not _SHORTEST_BODY <= len(body) <= self._longest:
+            return None
+        content, tail = body[: -_TAIL.size], body[-_TAIL.size :]
+        if _TAIL.unpack(tail)[0] != zlib.crc32(content):
+            return None
+        version, kind, sequence = _HEAD.unpack_from(content)
+        if version != VERSION:
+            return None
+        return Frame(kind=kind, sequence=sequence, payload=content[_HEAD.size :])
 
 
 QUESTION: Final = b"*IDN?"

@@ -10,6 +10,7 @@ import math
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cache
 from itertools import islice
 from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, TypeVar
 
@@ -176,12 +177,13 @@ class Layout(Generic[_Value]):
     def __init__(self, make: Callable[..., _Value], **fields: Field) -> None:
         self.make = make
         self._fields = fields
-        self.size = struct.calcsize(self._format(0))
-        self.size_of_each = struct.calcsize(self._format(1)) - self.size
+        self._struct = cache(self._struct_of)
+        self.size = self._struct(0).size
+        self.size_of_each = self._struct(1).size - self.size
 
-    def _format(self, n_repeated: int) -> str:
-        fields = self._fields.values()
-        return "<" + "".join(f"{n_repeated if f.is_repeated else ''}{f.code}" for f in fields)
+    def _struct_of(self, n_repeated: int) -> struct.Struct:
+        codes = (f"{n_repeated if f.is_repeated else ''}{f.code}" for f in self._fields.values())
+        return struct.Struct("<" + "".join(codes))
 
     def pack(self, value: _Value, channels: int = 0) -> bytes:
         """Return the bytes of a value; where a repeated field is empty, zeros for each channel."""
@@ -192,7 +194,7 @@ class Layout(Generic[_Value]):
                 number = number or (0,) * channels
                 channels = len(number)
             numbers += number if field.is_repeated else (number,)
-        return struct.pack(self._format(channels), *numbers)
+        return self._struct(channels).pack(*numbers)
 
     def read(self, content: bytes) -> _Value:
         """Return the value of some bytes.
@@ -204,7 +206,7 @@ class Layout(Generic[_Value]):
         expected = self.size + n_repeated * self.size_of_each
         if len(content) != expected:
             raise rejection(Refusal.BAD_MESSAGE, f"{expected} bytes expected, got {len(content)}")
-        numbers = iter(struct.unpack(self._format(n_repeated), content))
+        numbers = iter(self._struct(n_repeated).unpack(content))
         values = {}
         for name, field in self._fields.items():
             number = islice(numbers, n_repeated) if field.is_repeated else next(numbers)
