@@ -1,16 +1,22 @@
 """The site: `sphinx-build -W docs OUT` with the extra docs, without a network.
 
-Each build writes the reference (reference/) and draws the gallery (figures/); git ignores both.
+Each build writes the reference (reference/), draws the gallery (figures/) and the pictures of the
+explanation; git ignores them.
 """
 
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from importlib.metadata import version as version_of
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from numpydoc.xref import DEFAULT_LINKS
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE / "_ext"), str(HERE / "gallery")]
@@ -39,7 +45,7 @@ nitpick_ignore_regex = [("py:.*", ".*")]  # docstrings name types and modules, l
 default_role = "py:obj"
 
 myst_heading_anchors = 4
-myst_enable_extensions = ["colon_fence", "dollarmath"]
+myst_enable_extensions = ["colon_fence", "dollarmath", "tasklist"]
 html_math_renderer = "mathml"
 
 autodoc_typehints = "none"  # the docstrings say it, with units
@@ -86,3 +92,16 @@ html_theme_options = {
     "pygments_dark_style": "a11y-high-contrast-dark",
 }
 project_copyright = "The tactstrip developers, BSD-3-Clause licence"
+
+
+def draw_explanation(_app: Sphinx, _config: object) -> None:
+    """Draw the picture of each script in explanation/ that is newer than its picture."""
+    for script in (HERE / "explanation").glob("*.py"):
+        picture = script.with_suffix(".png")
+        if not picture.exists() or picture.stat().st_mtime < script.stat().st_mtime:
+            subprocess.run([sys.executable, str(script), str(picture)], check=True)
+
+
+def setup(app: Sphinx) -> None:
+    """Draw the pictures before Sphinx looks for them."""
+    app.connect("config-inited", draw_explanation)
