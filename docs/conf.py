@@ -99,7 +99,8 @@ def draw_explanation(_app: Sphinx, _config: object) -> None:
     for script in (HERE / "explanation").glob("*.py"):
         picture = script.with_suffix(".png")
         if not picture.exists() or picture.stat().st_mtime < script.stat().st_mtime:
-            subprocess.run([sys.executable, str(script), str(picture)], check=True)
+            command = [sys.executable, str(script), str(picture)]
+            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
 def setup(app: Sphinx) -> None:

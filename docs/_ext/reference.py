@@ -1,8 +1,4 @@
-"""The reference, read from the program by each build of the site: no page of it is kept by hand.
-
-A constant or a field of a model is documented by the string below it, which Python does not keep;
-`constants` reads it from the source.
-"""
+"""The reference, read from the program by each build of the site: no page of it is kept by hand."""
 
 from __future__ import annotations
 
@@ -24,6 +20,7 @@ from click.testing import CliRunner
 import tactstrip
 from analysis.axis import VOLTS, Axis
 from analysis.results.summary import column_meanings
+from device import Refusal
 from experiment.record.entries import MEASURED_COLUMNS, StimulusMeasured
 from experiment.record.rows import COLUMNS
 from experiment.study.base import describe, schema_of
@@ -36,13 +33,14 @@ if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
 PACKAGES: Final = ("stimuli", "device", "experiment", "analysis")
+MAX_REPR: Final = 400
 INTERNAL: Final = {
     "stimuli.Estimate": ("kept",),
     "stimuli.Scene": ("check_frequencies",),
     "analysis.ColumnMap": ("conditions", "filter", "form", "ours", "reader", "sources"),
     "analysis.GuessRate": ("log_density", "nodes"),
 }
-"""Methods that other modules of the package call, which are not offered and may change."""
+"""Methods that only other modules of the package call."""
 _INDEX: Final = """\
 # Reference
 
@@ -61,16 +59,14 @@ python
 _PYTHON: Final = """\
 # Python
 
-The public names of the four packages. Other names may change. The end of a name is its unit, in
-SI: `width_m` is in metres. `level_vpp` is in volts peak-to-peak at the actuator. Equations are
-numbered as in [the model](/model.md).
+The public names of the four packages. The end of a name is its unit. Equations are numbered as
+in [the model](/model.md).
 """
 _STUDY: Final = """\
 # Keys of study files
 
 `[strip]` and an `[[actuator]]` for each site are required. Every other section and key can be
-omitted and then has its default. The end of a key is its unit. `tactstrip init --all` writes a
-study file with every key as a comment; `tactstrip check` lists what is wrong with a study.
+omitted and then has its default. `tactstrip init --all` writes every key as a comment.
 """
 _EQUATIONS: Final = re.compile(r"[Ee]quations? \(\d+\)(?:(?:,| and| to) \(\d+\))*")
 _PAGE: Final = re.compile(r"docs/([\w/-]+)\.md")
@@ -106,7 +102,7 @@ def summary(text: str | None) -> str:
 
 
 def constants(module: str) -> dict[str, str]:
-    """Return the text below each constant of a module.
+    """Return the text below each constant of a module, which Python does not keep.
 
     >>> constants("experiment.exits")["BAD_INPUT"]
     'Exit code: bad input or usage.'
@@ -186,7 +182,7 @@ def tables_page() -> str:
     others = column_meanings(Axis(unit="UNIT"), one_place=True).items()
     return "\n".join(
         [
-            "# Columns of the tables\n",
+            "# Columns of the tables, refusals of a device\n",
             "UTF-8, commas, `n/a` for a missing value. [](/statistics.md) defines the numbers.\n",
             "## trials.csv\n\nOne row for each presented trial, built from the journal.\n",
             table(("column", "meaning", "type"), trials),
@@ -196,6 +192,8 @@ def tables_page() -> str:
             table(("column", "meaning"), [(literal(n), x) for n, x in volts.items()]),
             "## Levels in another unit\n\nThese columns replace those in volts.\n",
             table(("column", "meaning"), [(literal(n), x) for n, x in others if n not in volts]),
+            "## Refusals of a device\n\nThe numbers are those of the [protocol](/protocol.md).\n",
+            table(("number", "name", "reason"), [(str(int(r)), r.name, r.text) for r in Refusal]),
         ]
     )
 
@@ -246,7 +244,7 @@ def _entry(package: str, module: str, name: str) -> str:
         options += [f"   :exclude-members: {', '.join(INTERNAL.get(title, ()))}"]
         return "\n".join([f"{head}.. autoclass:: {title}", *options, ""])
     values = value if isinstance(value, Mapping) else {name: value}
-    lines = [f"{key} = {item!r}" for key, item in values.items()]
+    lines = [f"{key} = {item!r}"[:MAX_REPR] for key, item in values.items()]
     text = "\n".join([*link(constants(module)[name].splitlines()), "", "::", ""])
     body = f"{text}\n{textwrap.indent(chr(10).join(lines), '    ')}"
     return f"{head}.. py:data:: {title}\n\n{textwrap.indent(body, '   ')}\n"
