@@ -132,7 +132,8 @@ def package_counts(package: str) -> tuple[Counts, Counts]:
 
 def main() -> int:
     """Print each fault; return 1 if there is any."""
-    pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    pages = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "firmware/README.md")]
+    pages += sorted((ROOT / "docs").rglob("*.md"))
     generated = {ROOT / "docs" / name for name in ("reference", "figures", "benchmarks")}
     counts = [page_counts(page) for page in pages if not generated & {*page.parents}]
     code = [entry for package in PACKAGES for entry in package_counts(package)]
