@@ -265,7 +265,7 @@ def _check_channel(
     channel = sites.index(side)
     if ask is not None and not ask(f"Play one burst of {level_vpp:g} Vpp on the {side} channel?"):
         return ChannelCheck(side=side, level_vpp=level_vpp)
-    rig.clock.wait(onset_interval_s(condition, study.device))
+    rig.clock.wait(onset_interval_s(condition, study))
     planned = planned_burst(study, condition, (side,), level_vpp)
     if monitor is not None:
         rig.clock.wait(_QUIET_S)

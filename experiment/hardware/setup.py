@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from device.clock import MonotonicClock, VirtualClock
 from device.core.host import HostDriver
 from device.core.output import OutputStage
@@ -27,7 +25,7 @@ from experiment.hardware.monitor import make_monitor
 from experiment.hardware.safety import Purpose
 from experiment.names import is_line
 from experiment.study.base import Fault
-from experiment.study.stimulus import drive_samples
+from experiment.study.stimulus import channel_samples
 
 if TYPE_CHECKING:
     from device.clock import Clock
@@ -210,10 +208,10 @@ def load_condition(device: BurstDevice, condition: Condition, study: Study) -> N
     The channels are the sites in their order. A silent channel plays zeros, so that no site shows
     in the commands. Rejected if the device refuses the waveform.
     """
-    burst, task = drive_samples(condition, study.device), study.task
+    task = study.task
     for slot, sites in enumerate(task.slots):
         driven = [site in sites for site in task.sites]
-        device.load(slot, np.outer(driven, burst).astype(np.float64))
+        device.load(slot, channel_samples(condition, study.device, driven))
 
 
 def host_limits(settings: DeviceSettings) -> Limits:

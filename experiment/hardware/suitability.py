@@ -9,7 +9,7 @@ from device.core.messages import full_scale, to_codes
 from device.errors import Rejected
 from device.limits import check_codes
 from experiment.hardware.setup import host_limits
-from experiment.study.stimulus import drive_samples
+from experiment.study.stimulus import channel_samples
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from device.core.reports import DeviceLimits
     from device.driver import Identity
     from device.limits import Limits
-    from experiment.study.equipment import DeviceSettings
     from experiment.study.stimulus import Condition
     from experiment.study.study import Study
 
@@ -29,20 +28,21 @@ _MARGIN_S: Final = 1e-3
 """Covers what host and device round, and how far their clocks drift apart in one rest."""
 
 
-def onset_interval_s(condition: Condition, settings: DeviceSettings) -> float:
+def onset_interval_s(condition: Condition, study: Study) -> float:
     """Return the shortest time from one onset to the next that keeps rest and duty limits."""
-    limits = host_limits(settings)
-    duration_s = _sampled_s(condition, settings)
+    limits = host_limits(study.device)
+    duration_s = _sampled_s(condition, study)
     return max(duration_s + limits.min_interval_s, duration_s / limits.max_duty) + _MARGIN_S
 
 
-def playing_s(condition: Condition, settings: DeviceSettings) -> float:
+def playing_s(condition: Condition, study: Study) -> float:
     """Return for how long after an onset a device may still be playing."""
-    return _sampled_s(condition, settings) + _MARGIN_S
+    return _sampled_s(condition, study) + _MARGIN_S
 
 
-def _sampled_s(condition: Condition, settings: DeviceSettings) -> float:
-    return condition.drive.duration_s + 2 / settings.sample_rate_hz
+def _sampled_s(condition: Condition, study: Study) -> float:
+    """Return how long the longest burst of a condition plays, its last samples included."""
+    return condition.duration_s(study.task.n_sites_at_once) + 2 / study.device.sample_rate_hz
 
 
 class SuitabilityError(ValueError):
@@ -101,15 +101,18 @@ def _rules(
     rule = f"the device must have {n_slots} slots, one for each burst; it has {limits.slots}"
     yield limits.slots < n_slots, rule
     for condition in study.conditions:
-        duration_s = _sampled_s(condition, settings)
+        duration_s = _sampled_s(condition, study)
         min_rest_s = max(limits.min_interval_s, duration_s / limits.max_duty - duration_s)
         rule = (
             f"device.min_interval_s: must be at least {min_rest_s:.6g} for the burst of condition "
             f"{condition.name}: the device rests {limits.min_interval_s:g} s or more, and plays "
             f"at most {100 * limits.max_duty:g} % of the time (got {settings.min_interval_s:g})"
         )
-        yield onset_interval_s(condition, settings) < duration_s + min_rest_s, rule
-        n_samples = n_slots * drive_samples(condition, settings).size
+        yield onset_interval_s(condition, study) < duration_s + min_rest_s, rule
+        n_samples = sum(
+            channel_samples(condition, settings, [True] * max(len(sites), 1)).shape[1]
+            for sites in study.task.slots
+        )
         rule = (
             f"condition {condition.name}: the burst must be shorter; in {n_slots} slots it "
             f"has {n_samples} samples, and the device keeps {limits.memory_samples}"
@@ -123,7 +126,8 @@ def require_playable(study: Study, limits: Limits | None = None) -> None:
     limits = host_limits(settings) if limits is None else limits
     for condition in study.conditions:
         try:
-            codes = to_codes([drive_samples(condition, settings)], _BITS)
+            driven = [True] * study.task.n_sites_at_once
+            codes = to_codes(channel_samples(condition, settings, driven), _BITS)
             check_codes(codes, full_scale=full_scale(_BITS), limits=limits)
         except Rejected as error:
             raise SuitabilityError(

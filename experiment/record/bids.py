@@ -214,14 +214,15 @@ def _event_cells(
 
     Onsets are counted from the marker by which recordings are aligned. A blank trial lasts 0 s.
     """
-    durations_s = {c.name: float(c.drive.duration_s) for c in study.conditions}
+    conditions = {condition.name: condition for condition in study.conditions}
     columns, names = event_columns(study.task), [c.name for c in columns_of(study.task)]
     yield tuple(columns)
     for row in rows:
         aligned, duration_s = row, None
         if row.onset_s is not None:
             aligned = replace(row, onset_s=round(row.onset_s - recording_start_s, 6))
-            duration_s = 0.0 if row.level_vpp is None else durations_s[row.condition]
+            n_sites = len(study.task.presentation(row.side).sites)
+            duration_s = conditions[row.condition].duration_s(n_sites) if n_sites else 0.0
         values = dict(zip(names, cells_of(aligned), strict=True))
         yield [
             format_value(duration_s if source is None else values[source])

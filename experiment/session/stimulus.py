@@ -69,8 +69,8 @@ class StimulusDelivery:
             load_condition(self._device, condition, self._study)
             self._device.enable()
             self._loaded = trial.condition
-            self._duration_s = playing_s(condition, self._study.device)
-            self._interval_s = onset_interval_s(condition, self._study.device)
+            self._duration_s = playing_s(condition, self._study)
+            self._interval_s = onset_interval_s(condition, self._study)
             self.rested_s = max(self.rested_s, self._clock.now_s() + self._interval_s)
 
     def arm(self, attempt: Attempt, interval: int, chosen: LevelChosen | None = None) -> Event:

@@ -24,7 +24,7 @@ from stimuli import Burst, SampledDrive
 from stimuli.drive.windows import Window
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -53,6 +53,8 @@ class Stimulus(Section):
     """highest crosstalk that window = "auto" may leave, dB re the driven finger"""
     file: Line | None = None
     """.wav or .csv file with a click, in place of frequency_hz, cycles and window"""
+    asynchrony_ms: Annotated[float, Field(ge=0, le=500)] | None = None
+    """from the onset at one site to that at the next, where several are driven; by default 0"""
     accept_violation: Line | None = None
     """reason why a stimulus that violates a limit is used nevertheless; recorded"""
 
@@ -88,9 +90,9 @@ class SharedStimulus(Stimulus):
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        if self.file is None:
-            missing = {key: value for key, value in _SINE.items() if getattr(self, key) is None}
-            self.__dict__.update(missing)
+        defaults = {"asynchrony_ms": 0.0} | (_SINE if self.file is None else {})
+        missing = {key: value for key, value in defaults.items() if getattr(self, key) is None}
+        self.__dict__.update(missing)
         return self
 
 
@@ -139,6 +141,8 @@ class Condition(Stimulus):
             values["max_crosstalk_db"] = None
         if not given:
             values["accept_violation"] = burst.accept_violation
+        if "asynchrony_ms" not in self.model_fields_set:
+            values["asynchrony_ms"] = burst.asynchrony_ms
         complete = self.completed(**{key: values[key] for key in values.keys() - given})
         if any(getattr(self, key) != getattr(complete, key) for key in STIMULUS_KEYS):
             complete = complete.completed(**dict.fromkeys(PLANNED_KEYS - {"levels_vpp"}))
@@ -164,6 +168,15 @@ class Condition(Stimulus):
         if self.auto_cycles is None or self.auto_window is None:
             return self.sine
         return replace(self.sine, cycles=self.auto_cycles, window=self.auto_window)
+
+    @property
+    def asynchrony_s(self) -> float:
+        """The time between the onsets at two sites of a burst."""
+        return (self.asynchrony_ms or 0.0) / 1e3
+
+    def duration_s(self, n_sites: int) -> float:
+        """Return how long a burst at so many sites takes, from its first onset."""
+        return self.drive.duration_s + self.asynchrony_s * max(n_sites - 1, 0)
 
     def design(self, design: Design) -> Design:
         """Return a design with the levels that were chosen for this condition, if any were."""
@@ -196,6 +209,22 @@ def drive_samples(condition: Condition, settings: DeviceSettings) -> NDArray[np.
     return scaled
 
 
+def channel_samples(
+    condition: Condition, settings: DeviceSettings, driven: Sequence[bool]
+) -> NDArray[np.float64]:
+    """Return what each channel plays, shape (n_channels, n): the drive where it is driven.
+
+    Each driven channel begins `Condition.asynchrony_s` after the one before.
+    """
+    burst = drive_samples(condition, settings)
+    lag = round(condition.asynchrony_s * settings.sample_rate_hz)
+    length = burst.size + lag * max(sum(driven) - 1, 0)
+    channels = np.zeros((len(driven), length))
+    for order, channel in enumerate(np.flatnonzero(driven)):
+        channels[channel, order * lag : order * lag + burst.size] = burst
+    return channels
+
+
 def unscaled_peak(condition: Condition, settings: DeviceSettings) -> float:
     """Return the largest absolute value of a condition's samples before they are scaled."""
     return float(np.max(np.abs(condition.drive.samples(settings.sample_rate_hz))))
@@ -209,13 +238,15 @@ def stimulus_values(condition: Condition) -> dict[str, float | int | str | None]
     {'frequency_hz': 500.0, 'cycles': 1, 'window': 'none'}
     """
     drive = condition.drive
+    between = {"asynchrony_s": condition.asynchrony_s} if condition.asynchrony_s else {}
     if isinstance(drive, SampledDrive):
         return {
             "file": condition.file,
             "sample_rate_hz": drive.sample_rate_hz,
             "samples": int(drive.samples(drive.sample_rate_hz).size),
+            **between,
         }
     values: dict[str, float | int | str | None] = {key: getattr(drive, key) for key in _SINE}
     if condition.max_crosstalk_db is not None:
         values["max_crosstalk_db"] = condition.max_crosstalk_db
-    return values
+    return values | between

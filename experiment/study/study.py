@@ -221,14 +221,24 @@ class Study(Section):
             is_other = condition.sample_rate_hz not in {None, device.sample_rate_hz}
             rule = f"must be device.sample_rate_hz = {device.sample_rate_hz:g}"
             yield is_other, f"condition[{index}].sample_rate_hz", rule, condition.sample_rate_hz
-            duration_s, window_s = condition.drive.duration_s, self.design.response_window_s
+            duration_s = condition.duration_s(self.task.n_sites_at_once)
+            window_s = self.design.response_window_s
             name = "cycles" if condition.file is None else "file"
             rule = f"must be shorter: the burst takes {duration_s:.10g} s, longer than "
             rule += f"design.response_window_s = {window_s:g}"
             key, value = self.stimulus_key(condition, name), getattr(condition, name)
             yield duration_s > window_s, key, rule, value
+            yield from self._asynchrony_rules(condition)
             drive, rate_hz = condition.drive, device.sample_rate_hz
             yield from self.monitor.drive_rules(drive, rate_hz, foreperiod_s)
+
+    def _asynchrony_rules(self, condition: Condition) -> Iterator[Rule]:
+        """Yield the rules of an asynchrony: a task that has it, no monitor, which knows of none."""
+        key, value = self.stimulus_key(condition, "asynchrony_ms"), condition.asynchrony_ms
+        rule = f'must be 0 with task.kind = "{self.task.name}", which drives one site at a time'
+        yield bool(value) and self.task.n_sites_at_once < 2, key, rule, value  # noqa: PLR2004
+        rule = 'must be 0 with a monitor, which compares simultaneous bursts (source = "none")'
+        yield bool(value) and self.monitor.source != "none", key, rule, value
 
     def _device_rules(self, device: DeviceSettings) -> Iterator[Rule]:
         """Yield the rules that a device reaches every level, and has the monitor's source."""

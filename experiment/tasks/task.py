@@ -336,6 +336,11 @@ class Task:
         return tuple(dict.fromkeys(b.sites for p in self.presentations for b in p.bursts))
 
     @property
+    def n_sites_at_once(self) -> int:
+        """The largest number of sites that a burst drives."""
+        return max(map(len, self.slots))
+
+    @property
     def presentation_names(self) -> tuple[str, ...]:
         """The words of the column ``side``."""
         return tuple(presentation.name for presentation in self.presentations)
