@@ -63,7 +63,11 @@ def test_conditions_may_differ_and_take_the_rest_from_the_burst() -> None:
         (501.0, {}, "burst.asynchrony_ms"),
         (-1.0, {}, "burst.asynchrony_ms"),
         (20.0, {"task": {"kind": "2ifc"}, "design": {"levels_vpp": [120.0]}}, "one site at a time"),
-        (20.0, {"monitor": {"source": "device", "tap": "amplifier"}, "device": {"driver": "serial"}}, "simultaneous"),
+        (
+            20.0,
+            {"monitor": {"source": "device", "tap": "amplifier"}, "device": {"driver": "serial"}},
+            "simultaneous",
+        ),
         (450.0, {"design": DESIGN | {"response_window_s": 0.4}}, "must be shorter"),
     ],
 )
