@@ -63,7 +63,7 @@ def answer(analysis: Analysis, brief: Collection[str] = ()) -> list[AnswerRow]:
         *_sides(analysis, brief="side" in brief),
         *(() if _is_at_one_level(analysis) else _thresholds(analysis, brief="threshold" in brief)),
         *_differences(analysis, brief="difference" in brief),
-        _false_alarms(analysis),
+        *(() if analysis.task.nothing is None else (_false_alarms(analysis),)),
         _left_out(analysis),
     ]
 

@@ -420,6 +420,12 @@ def _device_rules(study: Study, device: DeviceSettings) -> Iterator[Rule]:
 def _design_rules(study: Study) -> Iterator[Rule]:
     yield study.contact.control in {"none", "not stated"}, "unknown_contact", {}
     yield study.masking.noise == "none", "no_masking_noise", {}
+    design, reference_vpp = study.design, study.task.reference_vpp
+    low_vpp, high_vpp = min(design.levels_vpp), max(design.levels_vpp)
+    is_outside = reference_vpp is not None and not low_vpp <= reference_vpp <= high_vpp
+    yield is_outside, "reference_outside_levels", {"reference_vpp": reference_vpp}
+    may_guess = study.task.nothing in design.responses and not design.blank_trials
+    yield may_guess, "no_blank_trials", {}
     defaults = [
         f"{name}.{key}"
         for name, key in _DECISIONS

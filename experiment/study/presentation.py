@@ -79,7 +79,7 @@ class Keys(Section):
         object.__setattr__(complete, "__pydantic_extra__", task.keys | extra)
         meanings: dict[str, str] = {}
         for meaning, names in complete.meanings.items():
-            for name in names:
+            for name in _key_names(names):
                 rule = f"must not share a key with {meanings.get(name)}"
                 obey([(name in meanings, meaning, rule, name)])
                 meanings[name] = meaning

@@ -56,6 +56,8 @@ def make_task(
         task: Task = installed.load()(sites)
         require_instance(task, Task)
         _require_decision(task)
+        if task.name != kind:
+            raise ValueError(f"the task must have the name of its entry point; got {task.name}")
     except Exception as error:
         raise ValueError(f"{kind} of {installed.distribution}: {error_line(error)}") from error
     return replace(task, reference_vpp=reference_vpp)
