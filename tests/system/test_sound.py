@@ -6,6 +6,7 @@ again, but never be taken for another burst.
 
 from __future__ import annotations
 
+import csv
 import subprocess
 import sys
 from contextlib import suppress
@@ -23,7 +24,9 @@ from tests.test_device.monitors import monitor_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
+    from tests.conftest import Run
     from tests.processes import NullSink
 
 pytestmark = pytest.mark.xdist_group("sound")
@@ -193,3 +196,60 @@ def test_the_program_ends_although_the_sound_system_hangs() -> None:
         "in_a_thread(lambda: time.sleep(600))"
     )
     subprocess.run([sys.executable, "-c", hang], check=True, timeout=60)
+
+
+SIXTEEN = tuple(f"s{number}" for number in range(1, 17))
+IDENTIFICATION = """
+[task]
+kind = "identification"
+[strip]
+width_mm = 25
+length_mm = 400
+thickness_mm = 0.5
+edge = "clamped"
+material = "aluminium"
+loss_factor = 0.01
+[design]
+levels_vpp = [60]
+trials_per_side = 1
+foreperiod_s = [0.2, 0.3]
+break_every = 0
+[masking]
+noise = "none"
+[device]
+driver = "audio"
+port = "pulse"
+volts_full_scale = 100
+ceiling_vpp = 200
+""" + "".join(
+    f'[[actuator]]\nsite = "{site}"\nx_mm = {20 * index - 150}\ndiameter_mm = 8\n'
+    "finger_diameter_mm = 8\n"
+    for index, site in enumerate(SIXTEEN)
+)
+
+
+def test_a_session_identifies_sixteen_sites_and_each_burst_is_on_its_channel(
+    wide_sink: NullSink, tmp_path: Path, run: Run
+) -> None:
+    study, out = tmp_path / "study.toml", tmp_path / "results"
+    study.write_text(IDENTIFICATION, encoding="utf-8")
+    wide_sink.listen()
+    words = ("--responder", "simulated", "--seed", "5", "--confirm-hardware", "--out", out)
+    result = run("run", study, "--participant", "01", "--session", "01", *words)
+    assert result.exit_code == 0, result.stderr
+    with (out / "sub-01" / "ses-01" / "trials.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["side"] for row in rows if row["status"] == "ok"} == {*SIXTEEN}
+    driven = [
+        {site for site in SIXTEEN if float(row[f"level_{site}_vpp"] or 0) > 0}
+        for row in rows
+        if row["status"] == "ok"
+    ]
+    assert driven == [{row["side"]} for row in rows if row["status"] == "ok"]
+    frames, channels = np.nonzero(wide_sink.recorded())
+    assert np.bincount(frames).max() == 1  # never two at once
+    first = np.flatnonzero(np.diff(frames, prepend=-10_000) > 4_000)  # a pause before each burst
+    heard = [SIXTEEN[channel] for channel in channels[first]]
+    presented = iter(row["side"] for row in rows)
+    assert all(site in presented for site in heard)  # in their order; what was torn is missing
+    assert len(heard) >= len(SIXTEEN) / 2
