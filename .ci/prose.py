@@ -39,6 +39,7 @@ _SENTENCE_END: Final = re.compile(
 _FENCE: Final = re.compile(r"(?ms)^ *(`{3,}|:{3,})(?!\{(?:glossary|note|warning)).*?^ *\1\s*$")
 _MARKUP: Final = (
     (_FENCE, "\n\n"),
+    (re.compile(r"(?m)^`{3,}.*$"), ""),
     (re.compile(r"(?s)<!--.*?-->|\$\$.*?\$\$"), "\n\n"),
     (re.compile(r"(?m)^ {4,}(?![-*\d]).*$"), "\n"),
     (re.compile(r"!\[[^\]]*\]\([^)]*\)"), ""),
