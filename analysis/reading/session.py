@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 
 _MAX_TABLE_BYTES: Final = 500_000_000
+_BESIDE_PLAN: Final = "tactstrip reads a table of other sites beside its plan.json only"
 _EXPORTED_SUFFIX: Final = ".tsv"
 _EXPORTED: Final = TextFormat(delimiter="\t")
 """How `tactstrip export --bids` writes events."""
@@ -78,7 +79,8 @@ def _own_columns(texts: pd.DataFrame, file: str, expected: list[str]) -> pd.Data
         message = f"schema must be {SCHEMA}; got {shown(schema)}: {OTHER_VERSION}"
         raise ResultFileError(file, 2, message)
     fault = [*unknown, f"no column {', '.join(missing)}"][0]
-    raise ResultFileError(file, 1, f"{fault}; {ELSEWHERE}")
+    hint = _BESIDE_PLAN if {"schema", "study_sha256"} <= {*names} else ELSEWHERE
+    raise ResultFileError(file, 1, f"{fault}; {hint}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)

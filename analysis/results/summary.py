@@ -96,8 +96,17 @@ def written_columns(table: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
     """
     without = () if analysis.task.named_answers else _OF_NAMED_SITES
     table = table.drop(columns=[name for name in without if name in table])
-    table = table.rename(columns=dict(analysis.words["columns"]))
+    table = table.rename(columns=_names_of(analysis.task))
     return reported_columns(table, analysis)
+
+
+def _names_of(task: Task) -> dict[str, str]:
+    """Return what columns are called in a task, those of its sites included."""
+    return {
+        ours.format(site=site): name.format(site=site)
+        for ours, name in words_of(task.scoring)["columns"].items()
+        for site in task.sites
+    }
 
 
 def column_meanings(
@@ -109,7 +118,7 @@ def column_meanings(
     >>> column_meanings(Axis(unit="vol"))["threshold_db"]
     'the threshold in dB re 1 vol'
     """
-    texts, columns = read_toml("columns.toml"), words_of(task.scoring)["columns"]
+    texts, columns = read_toml("columns.toml"), _names_of(task)
     named = {**texts["columns"], **texts_of("columns.toml", task.scoring)}
     if task.answer_names != LEFT_RIGHT_BOTH.answer_names:
         hidden = {*LEFT_RIGHT_BOTH.named_answers, *texts["both_sites"]["names"]}

@@ -214,7 +214,7 @@ def plate_map(plate: PlatePreview, frequency_hz: float) -> PlateMap:
 
 
 def plate_motion(plate: PlatePreview) -> PlateMotion:
-    """Compute the displacement over a plate in time, the left actuator driven, then the right one.
+    """Compute the displacement over a plate in time, one actuator driven after the other.
 
     The time shown is that of the first condition's burst and half as much after it, at least a
     period, in steps of 1, 2 or 5 times a power of ten that are a sixteenth of a period or less.
@@ -434,6 +434,14 @@ def _report_driven(field: PlateMap | PlateBand | PlateMotion, driven: int) -> di
     tones exceed the limit, None if they do not.
     """
     others = field.plate.others_of(driven)
+    names = {"fingers": [field.plate.names[other] for other in others]}
+    return names | _report_fingers(field, driven, others)
+
+
+def _report_fingers(
+    field: PlateMap | PlateBand | PlateMotion, driven: int, others: tuple[int, ...]
+) -> dict[str, Any]:
+    """Return what is shown at the driven finger and at each of the others."""
     if isinstance(field, PlateMap):
         peak_m, x_m, y_m = field.peak_of(driven)
         return {

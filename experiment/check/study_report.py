@@ -45,6 +45,8 @@ _NEAR_THRESHOLD_DB: Final = 3.0
 """Levels that end nearer to the threshold leave a part of the psychometric function untried."""
 _NEAR_MODE: Final = 1.03
 """A ratio of displacements, of the assumed losses, from which on a measurement is uncertain."""
+_TRIALS_PER_SITE: Final = 5
+"""Times the number of sites: with fewer trials of each, information transfer is biased."""
 _PLASTICS: Final = ("pmma", "polycarbonate")
 _MIN_INPUT_TOLERANCE_MS: Final = 20.0
 """What two cards without a common clock need: docs/monitor.md."""
@@ -426,6 +428,9 @@ def _design_rules(study: Study) -> Iterator[Rule]:
     yield is_outside, "reference_outside_levels", {"reference_vpp": reference_vpp}
     may_guess = study.task.nothing in design.responses and not design.blank_trials
     yield may_guess, "no_blank_trials", {}
+    needed = _TRIALS_PER_SITE * len(study.task.sites)
+    is_short = study.task.is_identification and design.trials_per_side < needed
+    yield is_short, "few_trials_of_site", {"trials": design.trials_per_side, "needed": needed}
     defaults = [
         f"{name}.{key}"
         for name, key in _DECISIONS
@@ -464,6 +469,7 @@ def simulated_participants(study: Study, gains: tuple[ConditionGains, ...]) -> d
         "thresholds": thresholds,
         "threshold_sd_db": people.threshold_sd_db,
         "is_set": is_set,
+        "has_reference": study.task.has_reference,
         "warnings": sort_warnings(apply_rules(rules)),
     }
 

@@ -34,6 +34,7 @@ from experiment.study.presentation import Keys, Screen, Texts
 from experiment.study.simulation import CURVE_KEYS, Simulation
 from experiment.study.stimulus import Condition, SharedStimulus, complete_conditions
 from experiment.study.task import TaskChoice
+from experiment.tasks import SITES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -159,9 +160,11 @@ class Study(Section):
     def _complete(cls, section: Any, info: ValidationInfo) -> Any:
         """Fill in what depends on the task or on a section above, unless that has faults."""
         above = info.data
-        choice = above.get("task_choice", TaskChoice())
-        task = choice.task_at(sites_of(above["actuators"])) if "actuators" in above else choice.task
+        choice = above.get("task_choice")
+        task = choice and choice.task_at(sites_of(above.get("actuators", ())) or SITES)
         match info.field_name:
+            case _ if choice is None:  # it has faults of its own
+                pass
             case "actuators" if "plate" in above:
                 return complete_actuators(section, above["plate"].width_mm, choice)
             case "conditions" if "burst" in above:

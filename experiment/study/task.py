@@ -23,7 +23,7 @@ class TaskChoice(Section):
     """What the participant is asked, and what only some tasks need."""
 
     kind: Line = LEFT_RIGHT_BOTH.name
-    """left-right-both, yes-no, 2ifc, 3ifc, amplitude-discrimination, or an installed task"""
+    """left-right-both, yes-no, 2ifc, 3ifc, amplitude-discrimination, identification or installed"""
     gap_s: Annotated[float, Field(ge=0.1, le=10)] | None = None
     """from a burst to the cue of the next interval; by default 0.5 in tasks with intervals"""
     reference_vpp: Level | None = None

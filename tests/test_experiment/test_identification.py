@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from analysis import ResultFileError, read_trials
 from experiment import StudyError, first_study
 from experiment.perception.answers import answer_probabilities
 from experiment.perception.gains import without_crosstalk
@@ -66,6 +67,19 @@ def test_each_burst_is_on_the_channel_of_its_site(
     heading = lab.folder.trials_path.read_text("utf-8").partition("\n")[0].split(",")
     assert heading == [column.name for column in columns_of(lab.plan.task)]
     assert lab.differences() == ()
+
+
+def test_a_table_of_other_sites_is_read_beside_its_plan_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lab = Lab(study_at(*names(3)), tmp_path / "lab", monkeypatch)
+    assert lab.begin().finished
+    copy = tmp_path / "copy.csv"
+    copy.write_bytes(lab.folder.trials_path.read_bytes())
+    with pytest.raises(ResultFileError, match=r"beside its plan\.json only"):
+        read_trials([copy])
+    trials = read_trials([lab.folder.path])
+    assert trials["level_s2_vpp"].max() == LEVEL_VPP
 
 
 def test_sites_are_ordered_from_left_to_right_whatever_the_file_says() -> None:

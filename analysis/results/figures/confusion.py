@@ -74,6 +74,7 @@ def plot_confusion(
         panel_em = max(text_em(" ".join(answers)), numbers_em, *map(text_em, titles))
         has_room = panel_em < style.width_em / 2 - tick_em - 2.0
         columns = min(len(groups), 2) if has_room else 1
+        is_crowded = text_em(" ".join(answers)) > style.width_em - tick_em - 2.0
         rows_em = _ROW_EM * max(map(len, groups.values()))
         panels = lay_out(
             style,
@@ -98,7 +99,7 @@ def plot_confusion(
                 colour = "white" if shares[y, x] > _DARK else "black"
                 panel.text(x, y, text, color=colour, **_IN_CELL)
             panel.set_ylim(len(rows) - 0.5, -0.5)
-            panel.set_xticks(range(len(answers)), answers)
+            panel.set_xticks(range(len(answers)), answers, rotation=90 if is_crowded else 0)
             panel.set_yticks(range(len(rows)), names[rows.index])
             panel.tick_params(length=0)
             panel.spines[:].set_visible(False)
