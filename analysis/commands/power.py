@@ -78,7 +78,7 @@ def _check_figure(_context: object, _option: object, path: Path | None) -> Path 
     type=click.Choice(["fixed", "placed"]),
     default="fixed",
     help="Use the levels of the study (fixed), or levels chosen for each participant and condition "
-    "from a simulated pilot of 40 stimuli (placed).",
+    "from a simulated pilot of 20 stimuli at each site (placed).",
 )
 @click.option(
     "--assurance",
@@ -157,7 +157,6 @@ def power(
     from analysis.planning.curve import plan_study
     from analysis.planning.goals import Goal
     from analysis.planning.spread import Kept, StoppedError, computing_on, seed_in, spread
-    from experiment.study.base import Fault
     from experiment.study.files import naming, read_study
 
     # The time limit of a batch queue stops the command as Ctrl-C does.
@@ -171,9 +170,6 @@ def power(
     seed = secrets.randbits(32) if seed is None else seed
     with naming(study_file):
         study = read_study(study_file)
-        if study.levels.is_adaptive:
-            rule = 'must be "constant": power is not estimated for levels chosen from answers'
-            raise study.refused(Fault("levels.rule", rule, study.levels.rule))
         people = _people(study, goal, pilot, columns, population)
     computed = {"study": people.study.sha256, "goal": goal_text, "seed": seed}
     kept = Kept(keep, computed) if keep else None

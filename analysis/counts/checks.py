@@ -165,7 +165,7 @@ def _with_tails(rows: pd.DataFrame, alternatives: int) -> pd.DataFrame:
 def _with_chance_p(rows: pd.DataFrame, blanks: pd.DataFrame) -> pd.DataFrame:
     """Return rows with p of answers as good by guessing, by their sites and against blanks."""
     names = {"felt": "false_alarms", "presented": "blanks"}
-    rows = rows.merge(blanks[[*PERSON, *names]].rename(columns=names), on=PERSON, how="left")
+    rows = rows.join(blanks.set_index(PERSON)[[*names]].rename(columns=names), on=PERSON)
     rows[[*names.values()]] = rows[[*names.values()]].fillna(0).astype(np.int64)
     hits, stimuli, false_alarms, number = (
         rows[name].to_numpy(float)
@@ -185,8 +185,8 @@ def check_drift(trials: pd.DataFrame, axis: Axis) -> Iterator[FailedCheck]:
 
     >>> from analysis.axis import VOLTS
     >>> trials = pd.DataFrame({"participant": "7", "session": "01", "condition": "main",
-    ...     "trial": range(40), "kind": "single", "side": "left", "level_vpp": 60.0, "reason": "",
-    ...     "response": ["left"] * 20 + ["none"] * 20})
+    ...     "trial": range(40), "kind": "single", "side": "right", "level_vpp": 60.0, "reason": "",
+    ...     "response": ["right"] * 20 + ["none"] * 20})
     >>> [data["detected"] for _, data in check_drift(trials, VOLTS)]
     [[20, 0]]
     """
@@ -225,7 +225,7 @@ def drift_p(single: pd.DataFrame) -> pd.Series[float]:
     pass takes all sessions.
 
     >>> rows = pd.DataFrame({"participant": "1", "session": "01", "condition": "main",
-    ...     "level_vpp": 60.0, "side": "left", "trial": range(40),
+    ...     "level_vpp": 60.0, "side": "right", "trial": range(40),
     ...     "hit": [True] * 20 + [False] * 20})
     >>> drift_p(rows).round(7).tolist()
     [1e-07]
@@ -287,9 +287,10 @@ def sides_differ(counts: pd.DataFrame) -> pd.DataFrame:
     answer looks the same as a more sensitive side.
 
     >>> from analysis.counts.table import count_answers
+    >>> from experiment.tasks import LEFT_RIGHT_BOTH
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
-    ...     "side": ["left"] * 9 + ["right"] * 9, "level_vpp": 60.0, "reason": "",
-    ...     "response": ["left"] * 9 + ["none"] * 9, "none_offered": True})
+    ...     "side": np.repeat(LEFT_RIGHT_BOTH.sites, 9), "level_vpp": 60.0, "reason": "",
+    ...     "response": np.repeat([LEFT_RIGHT_BOTH.sites[0], "none"], 9), "none_offered": True})
     >>> sides_differ(count_answers(trials))["p"].round(5).tolist()
     [4e-05]
     """

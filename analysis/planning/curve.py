@@ -56,8 +56,9 @@ _STEP: Final = 0.05
 _MAX_EXTRAPOLATION: Final = 3.0
 """A curve is believed up to so many times the largest number that was simulated."""
 _MAX_DESIGN_RUNGS: Final = 4
-_STUDY_S, _PERSON_S, _PLACED_S = 0.005, 0.001, 0.004
-"""Processor time of a study, of each participant, and of a pilot: the size of chunks."""
+_STUDY_S, _PERSON_S, _PLACED_S, _CHOSEN_S = 0.005, 0.001, 0.004, 0.0006
+"""Processor time of a study, of each participant, of a pilot, and of a trial whose level a rule
+chooses: the size of chunks."""
 _Z_95: Final = 1.96
 
 
@@ -70,16 +71,18 @@ class Studies:
     spread: Spread
     step: Callable[[float, float], object] = lambda _done, _total: None
     """Called with the work that is done, and about how much there is."""
+    chosen_sites: int = 0
+    """Sites of each participant at whose trials a rule chooses the level."""
     _done: float = 0.0
     _outcomes: dict[Point, dict[int, Outcome]] = field(default_factory=dict)
 
     def run(self, points: Iterable[Point], studies: range, ahead: float = 0.0) -> None:
         """Simulate the studies that points lack; about as much work as `ahead` follows."""
         chunks = []
-        for point in sorted(set(points), key=work_of, reverse=True):  # the longest first
+        for point in sorted(set(points), key=self.work_of, reverse=True):  # the longest first
             outcomes = self._outcomes.setdefault(point, {})
             missing = [study for study in studies if study not in outcomes]
-            size = max(1, round(CHUNK_S / work_of(point)))
+            size = max(1, round(CHUNK_S / self.work_of(point)))
             for i in range(0, len(missing), size):
                 number = len(missing[i : i + size])
                 chunks.append(
@@ -87,13 +90,20 @@ class Studies:
                         plan=self.plan, point=point, first=missing[i], number=number, seed=self.seed
                     )
                 )
-        total = self._done + sum(chunk.number * work_of(chunk.point) for chunk in chunks) + ahead
+        total = (
+            self._done + sum(chunk.number * self.work_of(chunk.point) for chunk in chunks) + ahead
+        )
         for chunk, outcomes in self.spread(simulate, chunks):
             self._outcomes[chunk.point].update(
                 (chunk.first + i, Outcome(*outcome)) for i, outcome in enumerate(outcomes)
             )
-            self._done += chunk.number * work_of(chunk.point)
+            self._done += chunk.number * self.work_of(chunk.point)
             self.step(self._done, total)
+
+    def work_of(self, point: Point) -> float:
+        """Return about how much processor time a study of a point takes, in s."""
+        chosen_s = _CHOSEN_S * self.chosen_sites * point.trials_per_side
+        return _STUDY_S + (_PERSON_S + _PLACED_S * point.placed + chosen_s) * point.participants
 
     def of_design(self, design: Point) -> tuple[Tally, ...]:
         """Return the outcomes of a design, by the number of participants."""
@@ -119,11 +129,6 @@ class Studies:
             if point.placed
             else None,
         )
-
-
-def work_of(point: Point) -> float:
-    """Return about how much processor time a study of a point takes, in s."""
-    return _STUDY_S + (_PERSON_S + _PLACED_S * point.placed) * point.participants
 
 
 def ladder(low: int, high: int, rungs: int = RUNGS, multiple: int = 1) -> list[int]:
@@ -202,7 +207,11 @@ def plan_study(
         for blank in ladder(*blanks_range, _MAX_DESIGN_RUNGS)
     ]
     text = plan_text(people.study, study_gains(people.study), goal, people.draws)
-    studies = Studies(plan=text, seed=seed, spread=spread, step=step)
+    n_conditions = 2 if goal.kind == "difference" else 1
+    sites = people.study.task.sites if people.study.levels.is_adaptive else ()
+    studies = Studies(
+        plan=text, seed=seed, spread=spread, step=step, chosen_sites=n_conditions * len(sites)
+    )
     answers, best = find_answers(studies, designs, participants, assurance)
     plan = read_plan(text)
     return PowerResult(
@@ -221,28 +230,53 @@ def plan_study(
 
 def _faults(people: People, goal: Goal, blanks: int, *, placed: bool) -> Iterator[str]:
     """Yield why no study of this design can reach a goal."""
-    kind, design, conditions = goal.kind, people.study.design, people.study.conditions
-    task = people.study.task
-    if kind == "false-alarms" and BLANK not in task.kinds:
-        yield f"goal false-alarms needs a task with blank trials; got {task.name}"
-    if task.has_reference:
+    study, kind = people.study, goal.kind
+    design, task, rule = study.design, study.task, study.levels.rule
+    levels_vpp = " ".join(f"{level:g}" for level in design.levels_vpp)
+    first_condition = study.conditions[0].name
+    needs_slope = kind in {"half-width", "difference"} and not placed
+    is_adaptive, is_detection = study.levels.is_adaptive, kind == "detection"
+    no_blanks = kind == "false-alarms" and BLANK not in task.kinds
+    for is_broken, fault in (
+        (no_blanks, f"goal false-alarms needs a task with blank trials; got {task.name}"),
         # how much the PSE of people differs is no part of the simulated population
-        yield f"power plans tasks of detection; got {task.name}"
-    if placed and people.unit != "V":
-        yield f"--levels placed needs levels in V, for the device's highest; got {people.unit}"
-    if blanks and task.nothing not in design.responses:
-        yield "--blanks needs the answer none in design.responses; got a forced choice"
-    if kind == "difference" and len(conditions) == 1:
-        yield f"goal difference needs [[condition]] twice in the study; got {conditions[0].name}"
-    if kind == "detection" and goal.level_vpp not in design.levels_vpp:
-        levels = " ".join(f"{level:g}" for level in design.levels_vpp)
-        yield f"goal detection needs one of design.levels_vpp, {levels} V; got {goal.level_vpp}"
-    if kind == "detection" and placed:
-        yield "goal detection needs --levels fixed: placed ones differ between people"
-    if kind == "false-alarms" and not blanks:
-        yield "goal false-alarms needs design.blank_trials > 0, or --blanks MIN MAX; got 0"
-    if kind in {"half-width", "difference"} and len(design.levels_vpp) == 1 and not placed:
-        yield f"goal {kind} needs two levels or more in design.levels_vpp; got 1"
+        (task.has_reference, f"power plans tasks of detection; got {task.name}"),
+        (is_adaptive and placed, f'--levels placed needs levels.rule = "constant"; got {rule}'),
+        (
+            is_adaptive and is_detection,
+            f'goal detection needs levels.rule = "constant"; got {rule}',
+        ),
+        (
+            placed and people.unit != "V",
+            f"--levels placed needs levels in V, for the device's highest; got {people.unit}",
+        ),
+        (
+            blanks and task.nothing not in design.responses,
+            "--blanks needs the answer none in design.responses; got a forced choice",
+        ),
+        (
+            kind == "difference" and len(study.conditions) == 1,
+            f"goal difference needs [[condition]] twice in the study; got {first_condition}",
+        ),
+        (
+            is_detection and goal.level_vpp not in design.levels_vpp,
+            f"goal detection needs one of design.levels_vpp, {levels_vpp} V; got {goal.level_vpp}",
+        ),
+        (
+            is_detection and placed,
+            "goal detection needs --levels fixed: placed ones differ between people",
+        ),
+        (
+            kind == "false-alarms" and not blanks,
+            "goal false-alarms needs design.blank_trials > 0, or --blanks MIN MAX; got 0",
+        ),
+        (
+            needs_slope and len(design.levels_vpp) == 1,
+            f"goal {kind} needs two levels or more in design.levels_vpp; got 1",
+        ),
+    ):
+        if is_broken:
+            yield fault
 
 
 def find_answers(
@@ -252,8 +286,8 @@ def find_answers(
     sizes = ladder(*participants)
     first = [design.at(n) for design in designs for n in sizes]
     middle = designs[0].at(round(math.sqrt(math.prod(participants))))
-    check_work = len(CHECK_STUDIES) * work_of(middle)
-    first_work = len(FIRST_STUDIES) * sum(map(work_of, first))
+    check_work = len(CHECK_STUDIES) * studies.work_of(middle)
+    first_work = len(FIRST_STUDIES) * sum(map(studies.work_of, first))
     studies.run(first, FIRST_STUDIES, ahead=first_work + check_work)
     second = [
         design.at(n)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analysis.planning.studies import PILOT_STIMULI
+from analysis.planning.studies import PILOT_PER_SITE
 from experiment.templates import open_templates
 
 if TYPE_CHECKING:
@@ -154,7 +154,7 @@ class PowerResult:
             "rate": lambda value: f"{value:.1%}" if math.isfinite(value) else "open",
         }
         text = open_templates(str(__package__), filters).get_template(template)
-        return text.render(result=self, pilot_stimuli=PILOT_STIMULI).strip()
+        return text.render(result=self, pilot_per_site=PILOT_PER_SITE).strip()
 
     def json(self) -> str:
         """Return the result as one JSON object."""

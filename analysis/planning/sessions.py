@@ -2,27 +2,30 @@
 
 The probability of each response to each stimulus is known in closed form
 (`experiment.perception.answers`) from the gain matrix, masking and guesses. Responses are drawn
-trial by trial in the order of a plan, because thresholds may drift and depend on the last answer.
-The counts are distributed as those of sessions through the engine.
+trial by trial in the order of a plan, because thresholds may drift, and thresholds and levels may
+depend on the answers before. The counts are distributed as those of sessions through the engine.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 from analysis.counts.table import felt_answers
 from analysis.thresholds.guess import chances_of, forced_guess_rate, guess_rate_of
 from analysis.thresholds.likelihood import Tables
+from experiment.levels import Tracks
 from experiment.perception.answers import answer_probabilities
 from experiment.perception.population import threshold_course_db
+from experiment.study.levels import LevelChoice
 from experiment.tasks.task import BLANK, SINGLE
 from experiment.trial.draw import shuffled_blocks
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -33,6 +36,8 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
     Integers = NDArray[np.int64]
+
+CONSTANT_LEVELS: Final = LevelChoice()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,11 +74,20 @@ class _Course(NamedTuple):
     chance: Any
 
 
-def draw_counts(sessions: Sequence[Session], gains: FingerGains, task: Task) -> list[Counts]:
+def draw_counts(
+    sessions: Sequence[Session],
+    gains: FingerGains,
+    task: Task,
+    levels: LevelChoice = CONSTANT_LEVELS,
+) -> list[Counts]:
     """Draw the counts of all sessions, one table for each condition."""
     courses = (_course(session, task) for session in sessions)
     course = _Course(*map(np.array, zip(*courses, strict=True)))
-    answers = _draw_answers(sessions, course, gains, task)
+    draw = partial(_draw_answers, sessions, course, gains, task)
+    if levels.is_adaptive:
+        answers = _draw_one_by_one(sessions, course, task, levels, draw)
+    else:
+        answers = _draw_together(sessions, task, draw)
     conditions = range(len(sessions[0].designs))
     return [_counts(sessions, condition, course, answers, task) for condition in conditions]
 
@@ -94,43 +108,95 @@ def _course(session: Session, task: Task) -> _Course:
 
 
 def _draw_answers(
-    sessions: Sequence[Session], course: _Course, gains: FingerGains, task: Task
+    sessions: Sequence[Session],
+    course: _Course,
+    gains: FingerGains,
+    task: Task,
+    *,
+    shift_db: Floats | float,
+    trials: slice = slice(None),
 ) -> Integers:
-    """Draw the answers to all trials: positions in the responses, the last of none in time."""
-    person, design = sessions[0].person, sessions[0].designs[0]
+    """Draw answers to trials with shifted thresholds: positions in the responses.
+
+    The position after the last response stands for no answer in time.
+    """
+    design = sessions[0].designs[0]
     # (presentations, intervals, sites) of a level of 0 V and of 1 V
     at_0_vpp, at_1_vpp = (
         np.array([task.levels_vpp(name, vpp) for name in task.presentation_names])
         for vpp in (0.0, 1.0)
     )
-    offset_vpp = np.moveaxis(at_0_vpp[course.presentation], (-2, -1), (0, 1))
-    slope = np.moveaxis((at_1_vpp - at_0_vpp)[course.presentation], (-2, -1), (0, 1))
-    levels_vpp = offset_vpp + slope * course.level_vpp
+    presentation = course.presentation[:, trials]
+    offset_vpp = np.moveaxis(at_0_vpp[presentation], (-2, -1), (0, 1))
+    slope = np.moveaxis((at_1_vpp - at_0_vpp)[presentation], (-2, -1), (0, 1))
+    p = answer_probabilities(
+        [session.person for session in sessions],
+        [*(offset_vpp + slope * course.level_vpp[:, trials])],
+        design.responses,
+        design.response_window_s,
+        gains=gains,
+        shift_db=(course.shift_db[:, trials] + shift_db,),
+        task=task,
+    )
+    return np.asarray((p.cumsum(axis=2) <= course.chance[:, trials, None]).sum(axis=2))
 
-    def answers_after(db: float) -> Integers:
-        """Return the answers to all trials with thresholds that lie higher."""
-        p = answer_probabilities(
-            [session.person for session in sessions],
-            [*levels_vpp],
-            design.responses,
-            design.response_window_s,
-            gains=gains,
-            shift_db=(course.shift_db + db,),
-            task=task,
-        )
-        return np.asarray((p.cumsum(axis=2) <= course.chance[..., None]).sum(axis=2))
 
-    if not person.last_answer_db or task.nothing not in design.responses:
-        return answers_after(0.0)
-    # The answers that would follow no answer in time, the answer "none", and any other answer.
-    states = [0.0, person.last_answer_db / 2, -person.last_answer_db / 2]
-    answers = np.stack([answers_after(db) for db in states])
-    after = np.array([1 if name == task.nothing else 2 for name in design.responses] + [0])
-    rows, state = np.arange(len(sessions)), np.zeros(len(sessions), dtype=np.int64)
+def _shifts_after(session: Session, task: Task) -> Floats:
+    """Return the shift of the threshold after each response, and after no answer in time."""
+    responses, half_db = session.designs[0].responses, session.person.last_answer_db / 2
+    if task.nothing not in responses:
+        half_db = 0.0
+    return np.array([half_db if name == task.nothing else -half_db for name in responses] + [0.0])
+
+
+def _draw_together(
+    sessions: Sequence[Session], task: Task, draw: Callable[..., Integers]
+) -> Integers:
+    """Draw the answers to trials whose levels are known beforehand."""
+    after_db = _shifts_after(sessions[0], task)
+    shifts_db, state_after = np.unique(after_db, return_inverse=True)
+    answers: Integers = np.stack([draw(shift_db=db) for db in shifts_db])
+    rows = np.arange(len(sessions))
+    state = np.full(len(sessions), state_after[-1])
     drawn: Integers = np.empty_like(answers[0])
     for trial in range(drawn.shape[1]):
         drawn[:, trial] = answers[state, rows, trial]
-        state = after[drawn[:, trial]]
+        state = state_after[drawn[:, trial]]
+    return drawn
+
+
+def _draw_one_by_one(
+    sessions: Sequence[Session],
+    course: _Course,
+    task: Task,
+    levels: LevelChoice,
+    draw: Callable[..., Integers],
+) -> Integers:
+    """Draw the answers to trials whose levels a rule chooses, and put the levels in the course."""
+    responses, sides = sessions[0].designs[0].responses, task.presentation_names
+    tracks = [
+        [Tracks(levels.rule_for(d.levels_vpp, seed), responses, task) for d in session.designs]
+        for seed, session in enumerate(sessions)
+    ]
+    chosen = [presentation.kind == SINGLE for presentation in task.presentations]
+    after_db = _shifts_after(sessions[0], task)
+    drawn: Integers = np.empty(course.chance.shape, dtype=np.int64)
+    shift_db = np.zeros((len(sessions), 1))
+    for trial in range(drawn.shape[1]):
+        presented = course.presentation[:, trial].tolist()
+        current = [
+            of_condition[condition]
+            for of_condition, condition in zip(tracks, course.condition[:, trial], strict=True)
+        ]
+        for row, (track, shown) in enumerate(zip(current, presented, strict=True)):
+            if chosen[shown]:
+                course.level_vpp[row, trial] = track.choose(sides[shown], trial).level_vpp
+        answers = draw(shift_db=shift_db, trials=slice(trial, trial + 1))
+        drawn[:, trial] = answers[:, 0]
+        for row, (track, shown) in enumerate(zip(current, presented, strict=True)):
+            if (answer := answers[row, 0]) < len(responses):
+                track.update(sides[shown], course.level_vpp[row, trial], responses[answer])
+        shift_db = after_db[answers]
     return drawn
 
 

@@ -8,7 +8,6 @@ or with which others.
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Final
@@ -39,8 +38,7 @@ _PILOT_RANGE: Final = 10.0
 """A pilot's levels lie evenly on the logarithm, from the highest down to a tenth of it ..."""
 _PILOT_MARGIN_DB: Final = 3.0
 """... or, if that is lower, to this far below a threshold two SD below the median."""
-_PILOT_PER_SIDE: Final = 20
-PILOT_STIMULI: Final = 2 * _PILOT_PER_SIDE
+PILOT_PER_SITE: Final = 20
 _PILOT_BLANKS: Final = 12
 _STRIDE: Final = 1009
 """From the first study of a number of participants to that of the next; a prime, so that draws of
@@ -129,7 +127,7 @@ def _simulate_study(plan: Plan, design: Design, point: Point, seeds: tuple[int, 
     sessions = [_session(plan, design, seed, study, i) for i in range(point.participants)]
     if point.placed:
         sessions = _place_levels(plan, sessions)
-    counts = draw_counts(sessions, plan.gains, plan.study.task)
+    counts = draw_counts(sessions, plan.gains, plan.study.task, plan.study.levels)
     outcome = evaluate(plan.goal, counts, plan.truths[study % len(plan.truths)])
     is_unplaced = [any(each is design for each in session.designs) for session in sessions]
     return outcome._replace(unplaced=sum(is_unplaced) if point.placed else 0)
@@ -160,10 +158,8 @@ def design_of(design: Design, point: Point) -> Design:
 def _session(plan: Plan, design: Design, seed: int, study: int, i: int) -> Session:
     """Draw a participant, in the conditions that the goal depends on."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(study, i)))
-    left, right = plan.study.driven
-    distance_mm = math.hypot(left.x_mm - right.x_mm, (left.y_m - right.y_m) * 1e3)
     population = plan.populations[study % len(plan.populations)]
-    person = population.draw(distance_mm, rng)
+    person = population.draw(plan.study.site_distance_mm, rng)
     shifts_db = [0.0]
     if plan.goal.kind == "difference":  # the mean is the goal's, whatever the study states
         deviation_db = person.difference_db - population.median.difference_db
@@ -175,13 +171,13 @@ def _session(plan: Plan, design: Design, seed: int, study: int, i: int) -> Sessi
 def _place_levels(plan: Plan, sessions: Sequence[Session]) -> list[Session]:
     """Place levels after a pilot, as `tactstrip levels` does; where it cannot, the study's remain.
 
-    The pilot has 40 stimuli, and 12 blanks where they can be answered, in each condition, which
-    gets levels of its own.
+    The pilot has 20 stimuli at each site, and 12 blanks where they can be answered, in each
+    condition, which gets levels of its own.
     """
     design, task = sessions[0].designs[0], plan.study.task
     pilot = design.changed(
         levels_vpp=pilot_levels_vpp(plan.study, plan.gains),
-        trials_per_side=_PILOT_PER_SIDE,
+        trials_per_side=PILOT_PER_SITE,
         blank_trials=_PILOT_BLANKS if task.nothing in design.responses else 0,
         order="balanced",
         break_every=0,

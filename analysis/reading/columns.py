@@ -189,12 +189,12 @@ class ColumnMap(Section):
 
     Examples
     --------
-    >>> ColumnMap(columns={"response": "key"}, values={"response": {"l": "left"}}).task
+    >>> ColumnMap(columns={"response": "key"}, values={"response": {"r": "right"}}).task
     ''
-    >>> ColumnMap(values={"response": {"l": "links"}})
+    >>> ColumnMap(values={"response": {"r": "rechts"}})
     Traceback (most recent call last):
     pydantic_core._pydantic_core.ValidationError: 1 validation error for ColumnMap
-      Value error, [values.response] 'l': allowed left, right, both, none, ..., got 'links' ...
+      Value error, [values.response] 'r': allowed left, right, both, none, ..., got 'rechts' ...
     """
 
     task: Literal["", "yes/no", "forced choice"] = ""

@@ -521,7 +521,7 @@ def _with_numbers(rows: pd.DataFrame) -> pd.DataFrame:
 def has_stimulus(rows: pd.DataFrame, task: Task) -> pd.Series[bool]:
     """Return whether the trial of each row has a stimulus.
 
-    >>> has_stimulus(pd.DataFrame({"side": ["left", "none"]}), LEFT_RIGHT_BOTH).tolist()
+    >>> has_stimulus(pd.DataFrame({"side": ["right", "none"]}), LEFT_RIGHT_BOTH).tolist()
     [True, False]
     """
     silent = [shown.name for shown in task.presentations if not shown.sites]
@@ -540,7 +540,7 @@ def expected_correct(rows: pd.DataFrame, task: Task = LEFT_RIGHT_BOTH) -> pd.Ser
 
     Unknown without an answer, and where the level equals the reference.
 
-    >>> expected_correct(pd.DataFrame({"kind": ["both"], "side": ["both"], "response": ["left"]}))
+    >>> expected_correct(pd.DataFrame({"kind": ["both"], "side": ["both"], "response": ["right"]}))
     0    False
     dtype: boolean
     """
@@ -565,7 +565,7 @@ def offered_to_all(
     answer there.
 
     >>> trials = pd.DataFrame({"condition": ["a", "a", "b"], "study_sha256": "n/a",
-    ...     "response": ["none", "left", "left"], "kind": "single"})
+    ...     "response": ["none", "right", "right"], "kind": "single"})
     >>> offered_to_all(trials, pd.Series([None] * 3, dtype="boolean")).tolist()
     [True, True, <NA>]
     """
@@ -620,7 +620,7 @@ def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule
     ]
     key = ["file", "trial"]
     names = [*key, *_OF_TRIAL, *_OF_PLAN, "response", "is_chosen"]
-    planned = rows[key].merge(pd.DataFrame(trials, columns=names), "left", key)
+    planned = rows[key].join(pd.DataFrame(trials, columns=names).set_index(key), on=key)
     is_planned = planned["kind"].notna()
     unplanned = rows["file"].isin(plans) & ~is_planned
     yield _Rule("trial", f"the number of a planned trial {_BY_PLAN}", unplanned)
@@ -832,7 +832,7 @@ def without_silence(trials: pd.DataFrame) -> pd.DataFrame:
     well be a dead keyboard, which says nothing of a threshold.
 
     >>> trials = without_silence(pd.DataFrame({"participant": list("aabb"), "condition": "main",
-    ...     "response": ["left", *["timeout"] * 3], "reason": ["", "", "", "voided"]}))
+    ...     "response": ["right", *["timeout"] * 3], "reason": ["", "", "", "voided"]}))
     >>> trials["reason"].tolist()
     ['', '', 'never_answered', 'voided']
     """

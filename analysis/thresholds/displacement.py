@@ -60,8 +60,9 @@ def with_micrometres(thresholds: pd.DataFrame, trials: pd.DataFrame, axis: Axis)
 
     Examples
     --------
+    >>> from experiment.tasks import LEFT_RIGHT_BOTH
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
-    ...     "side": ["left", "right"], "level_vpp": [100.0, 50.0], "reason": "",
+    ...     "side": LEFT_RIGHT_BOTH.sites, "level_vpp": [100.0, 50.0], "reason": "",
     ...     "peak_left_um": [2.0, 0.1], "peak_right_um": [0.1, 0.9],
     ...     "displacement_basis": "measured"})
     >>> table = pd.DataFrame({"participant": ["1"], "condition": ["main"], "status": ["ok"],

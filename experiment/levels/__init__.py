@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 from experiment.levels.bayesian import Bayesian
 from experiment.levels.rule import Choice, Estimate, LevelRule, Track
 from experiment.levels.staircase import Staircase
+from experiment.levels.tracks import Tracks
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -14,4 +15,4 @@ if TYPE_CHECKING:
 RULES: Final[Mapping[str, type[LevelRule]]] = {"bayesian": Bayesian, "staircase": Staircase}
 """Every rule by its kind."""
 
-__all__ = ["RULES", "Bayesian", "Choice", "Estimate", "LevelRule", "Staircase", "Track"]
+__all__ = ["RULES", "Bayesian", "Choice", "Estimate", "LevelRule", "Staircase", "Track", "Tracks"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import numpy as np
@@ -74,13 +75,16 @@ class StaircaseTrack(Track):
 
     def __init__(self, rule: Staircase, responses: tuple[str, ...], task: Task) -> None:
         self._rule, self._responses, self._task = rule, responses, task
-        self._posterior = Bayesian(candidates_vpp=rule.candidates_vpp, seed=rule.seed).start(
-            responses, task
-        )
+        self._bayesian = Bayesian(candidates_vpp=rule.candidates_vpp, seed=rule.seed)
         self._level_vpp = rule.start_vpp
         self._in_a_row = 0
         self._last_step = 0
         self._reversals = 0
+        self._unused: list[tuple[Presentation, float | None, str]] = []
+
+    @cached_property
+    def _posterior(self) -> Track:
+        return self._bayesian.start(self._responses, self._task)
 
     def choose(self, trial: int, attempt: int) -> Choice:
         """Return the level to which the last answer led."""
@@ -88,7 +92,7 @@ class StaircaseTrack(Track):
 
     def update(self, presentation: Presentation, level_vpp: float | None, answer: str) -> None:
         """Move from the level that was presented, as far as there are candidates."""
-        self._posterior.update(presentation, level_vpp, answer)
+        self._unused.append((presentation, level_vpp, answer))
         if presentation.kind != SINGLE or level_vpp is None or answer not in self._responses:
             return
         rule = self._rule
@@ -108,4 +112,9 @@ class StaircaseTrack(Track):
 
     def estimate(self) -> Estimate | None:
         """Return the estimate from every answer; None before the second reversal."""
-        return None if self._reversals < MIN_REVERSALS else self._posterior.estimate()
+        if self._reversals < MIN_REVERSALS:
+            return None
+        for presentation, level_vpp, answer in self._unused:  # most simulations need no estimate
+            self._posterior.update(presentation, level_vpp, answer)
+        self._unused.clear()
+        return self._posterior.estimate()

@@ -218,9 +218,12 @@ def _event_cells(
     columns, names = event_columns(study.task), [c.name for c in columns_of(study.task)]
     yield tuple(columns)
     for row in rows:
-        aligned, duration_s = row, None
-        if row.onset_s is not None:
-            aligned = replace(row, onset_s=round(row.onset_s - recording_start_s, 6))
+        onset_s, *earlier_s = (
+            None if at_s is None else round(at_s - recording_start_s, 6)
+            for at_s in (row.onset_s, *row.earlier_onsets_s)
+        )
+        aligned, duration_s = replace(row, onset_s=onset_s, earlier_onsets_s=tuple(earlier_s)), None
+        if onset_s is not None:
             n_sites = len(study.task.presentation(row.side).sites)
             duration_s = conditions[row.condition].duration_s(n_sites) if n_sites else 0.0
         values = dict(zip(names, cells_of(aligned), strict=True))
@@ -270,7 +273,7 @@ def _described(column: Column, task: Task) -> dict[str, Any]:
     description = column.description[0].upper() + column.description[1:]
     if column.optional:
         description += f"; {NOT_AVAILABLE} where there is none"
-    if column.name == "onset_s":
+    if column.name.startswith("onset_") and column.type == "float":
         description += "; from the marker recording_start, where markers were sent"
     units = next((unit for end, unit in _UNITS.items() if column.name.endswith(end)), None)
     return _given({"Description": description, "Units": units, "Levels": _levels(column, task)})

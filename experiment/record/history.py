@@ -342,12 +342,13 @@ def _row(
     opening: SessionOpened,
 ) -> TrialRow:
     trial = presentation.trial
-    # The levels are those of the burst that has the trial's level, the onset is that of the last.
+    # The levels are those of the burst that has the trial's level.
     interval = plan.task.presentation(trial.side).interval + 1
     confirmed = presentation.confirmed.get(interval)
     measured = presentation.measured.get(interval)
     verified = None if measured is None else measured.burst_verified
-    last = presentation.confirmed.get(plan.task.n_intervals)
+    confirmed_lines = map(presentation.confirmed.get, range(1, plan.task.n_intervals + 1))
+    *earlier_onsets_s, onset_s = (line.onset_s if line else None for line in confirmed_lines)
     response = presentation.response.response if presentation.response else None
     unknown = (None,) * len(plan.task.sites)
     levels_vpp = (confirmed and confirmed.levels_vpp) or unknown
@@ -358,7 +359,8 @@ def _row(
         response=response,
         rt_s=presentation.response.rt_s if presentation.response else None,
         correct=plan.task.is_correct(trial.side, trial.level_vpp, response),
-        onset_s=last.onset_s if last else None,
+        earlier_onsets_s=tuple(earlier_onsets_s),
+        onset_s=onset_s,
         site_levels_vpp=levels_vpp,
         status=end.status,
         premature=end.premature,

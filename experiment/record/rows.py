@@ -62,9 +62,11 @@ class Column:
     description: str
 
 
-def _column(description: str, *choices: str, name: str = "") -> Any:
-    """Return a field that is a column, or one at each site if its name and description say so."""
-    return field(metadata={"name": name, "description": description, "choices": choices})
+def _column(description: str, *choices: str, name: str = "", each: str = "") -> Any:
+    """Return a field that is a column, or one for each site or interval, as its texts say."""
+    return field(
+        metadata={"name": name, "each": each, "description": description, "choices": choices}
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +87,7 @@ class TrialRow(Presented):
     """One presented trial, one row of trials.csv.
 
     Its fields are the columns of `COLUMNS`, in their order, each with its unit as suffix; a tuple
-    has a column for each site of the task. None is ``n/a`` in the table.
+    has a column for each site of the task, or for each interval. None is ``n/a`` in the table.
 
     Examples
     --------
@@ -103,15 +105,22 @@ class TrialRow(Presented):
     rt_s: float | None = _column("time from the onset to the answer, seconds")
     correct: bool | None = _column("whether the answer names the stimulus")
     status: str = _column("ok, or why the trial does not count", *get_args(Status))
+    earlier_onsets_s: tuple[float | None, ...] = _column(
+        "onset of the stimulus in interval {each} on the session's clock, seconds",
+        name="onset_{each}_s",
+        each="earlier interval",
+    )
     onset_s: float | None = _column(
         "onset of the stimulus on the session's clock, seconds; of several intervals, of the last"
     )
     foreperiod_s: float = _column("planned wait between cue and stimulus, seconds")
     site_levels_vpp: tuple[float | None, ...] = _column(
-        "level the device set on the {site} channel, volts", name="level_{site}_vpp"
+        "level the device set on the {each} channel, volts", name="level_{each}_vpp", each="site"
     )
     site_peaks_um: tuple[float | None, ...] = _column(
-        "greatest displacement under the {site} finger, micrometres", name="peak_{site}_um"
+        "greatest displacement under the {each} finger, micrometres",
+        name="peak_{each}_um",
+        each="site",
     )
     displacement_basis: str | None = _column("where the displacements come from", *BASES)
     premature: bool = _column("a response came before the onset or within 100 ms of it")
@@ -129,25 +138,26 @@ class TrialRow(Presented):
 
 
 def columns_of(task: Task) -> tuple[Column, ...]:
-    """Return the columns of trials.csv at the sites of a task, with its words."""
+    """Return the columns of trials.csv at the sites and intervals of a task, with its words."""
     words = {
         "kind": (*task.kinds, PRACTICE, HANDS_OFF),
         "side": task.presentation_names,
         "response": (*task.answer_names, *NO_ANSWERS),
     }
+    members = {"": ("",), "site": task.sites, "earlier interval": range(1, task.n_intervals)}
     columns = []
-    for each in fields(TrialRow):
-        kind = str(each.type).removeprefix("tuple[").removesuffix(", ...]")
-        name, description = each.metadata["name"] or each.name, each.metadata["description"]
+    for attribute in fields(TrialRow):
+        kind = str(attribute.type).removeprefix("tuple[").removesuffix(", ...]")
+        values = attribute.metadata
         columns += [
             Column(
-                name=name.format(site=site),
+                name=(values["name"] or attribute.name).format(each=each),
                 type=kind.removesuffix(" | None"),
                 optional=kind.endswith(" | None"),
-                choices=words.get(each.name, each.metadata["choices"]),
-                description=description.format(site=site),
+                choices=words.get(attribute.name, values["choices"]),
+                description=values["description"].format(each=each),
             )
-            for site in (task.sites if each.metadata["name"] else ("",))
+            for each in members[values["each"]]
         ]
     return tuple(columns)
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from experiment.levels import Tracks
 from experiment.record.entries import LevelChosen
-from experiment.tasks.task import BLANK
 
 if TYPE_CHECKING:
-    from experiment.levels import Choice, Track
+    from experiment.levels import Choice
     from experiment.record.history import History
     from experiment.trial.events import Attempt, EndTrial, SessionState
     from experiment.trial.plan import Plan
@@ -25,11 +25,11 @@ class LevelTracks:
     def __init__(self, plan: Plan, history: History) -> None:
         self._plan, self._task = plan, plan.task
         self._chosen = {trial.number for trial in plan.trials if plan.is_chosen(trial)}
-        self._tracks: dict[tuple[str, str], Track] = {}
+        self._tracks = {
+            condition: Tracks(rule, plan.responses, self._task)
+            for condition, rule in plan.level_rules.items()
+        }
         self._choice: Choice | None = None
-        for condition, rule in plan.level_rules.items():
-            for site in ("",) if rule.pooled else self._task.sites:
-                self._tracks[condition, site] = rule.start(plan.responses, self._task)
         for row in history.rows:
             if row.status == "ok" and not row.premature:
                 self._update(row.condition, row.kind, row.side, row.level_vpp, row.response)
@@ -41,10 +41,8 @@ class LevelTracks:
         self._choice = None
         if trial.number not in self._chosen or attempt.warm_up:
             return state
-        rule = self._plan.level_rules[trial.condition]
-        site = "" if rule.pooled else self._task.presentation(trial.side).site or ""
-        track = self._tracks[trial.condition, site]
-        self._choice = track.choose(trial.number, attempt.number)
+        tracks = self._tracks[trial.condition]
+        self._choice = tracks.choose(trial.side, trial.number, attempt.number)
         presented = replace(trial, level_vpp=self._choice.level_vpp)
         return replace(state, pending=(replace(attempt, trial=presented), *rest))
 
@@ -69,10 +67,9 @@ class LevelTracks:
     def describe(self) -> tuple[str, ...]:
         """Return the estimated threshold of each track, for the operator."""
         texts = []
-        for (condition, site), track in self._tracks.items():
-            estimate = track.estimate()
-            name = " ".join(filter(None, (condition, site)))
-            if estimate is not None:
+        for condition, tracks in self._tracks.items():
+            for site, estimate in tracks.estimates():
+                name = " ".join(filter(None, (condition, site)))
                 low_vpp, high_vpp = estimate.low_vpp, estimate.high_vpp
                 interval = f"95 % interval {low_vpp:.0f} to {high_vpp:.0f}"
                 texts.append(f"{name}: {estimate.threshold_vpp:.0f} Vpp ({interval})")
@@ -81,10 +78,6 @@ class LevelTracks:
     def _update(
         self, condition: str, kind: str, side: str, level_vpp: float | None, response: str | None
     ) -> None:
-        if kind not in self._task.kinds or response not in self._task.answer_names:
-            return
-        presentation = self._task.presentation(side)
-        for (name, site), track in self._tracks.items():
-            is_concerned = site in {"", presentation.site} or presentation.kind == BLANK
-            if name == condition and is_concerned:
-                track.update(presentation, level_vpp, response)
+        is_counted = kind in self._task.kinds and response in self._task.answer_names
+        if is_counted and condition in self._tracks:
+            self._tracks[condition].update(side, level_vpp, response or "")

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import KW_ONLY, asdict, dataclass, field
-from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -124,9 +122,7 @@ class SimulatedResponder(Responder):
 def simulated_responder(study: Study, plan: Plan, clock: Clock) -> SimulatedResponder:
     """Draw a participant from the study's simulated population by the plan's seed."""
     rng = np.random.default_rng((plan.seed, _OBSERVER_STREAM))
-    places_mm = [(actuator.x_mm, 1e3 * actuator.y_m) for actuator in study.driven]
-    apart_mm = min((math.dist(*pair) for pair in combinations(places_mm, 2)), default=math.inf)
-    observer = study.simulation.draw(apart_mm, rng)
+    observer = study.simulation.draw(study.site_distance_mm, rng)
     of_condition = {c.name: plan.gains_of(c.name) for c in study.conditions}
     trials = (*plan.trials, *plan.warm_up)
     return SimulatedResponder(

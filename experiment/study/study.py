@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from datetime import date, time
 from functools import cached_property
+from itertools import combinations
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from pydantic import Field, ValidationInfo, field_validator
@@ -322,6 +324,12 @@ class Study(Section):
     def driven(self) -> tuple[Actuator, ...]:
         """The actuators under the fingers, in the order of the task's sites."""
         return tuple(actuator for actuator in self.actuators if actuator.site != UNDRIVEN)
+
+    @property
+    def site_distance_mm(self) -> float:
+        """The smallest distance between two driven actuators; infinite with one."""
+        places_mm = [(actuator.x_mm, 1e3 * actuator.y_m) for actuator in self.driven]
+        return min((math.dist(*pair) for pair in combinations(places_mm, 2)), default=math.inf)
 
     def stimulus_key(self, condition: Condition, key: str) -> str:
         """Return where the file has a key of a condition's stimulus: there, or in [burst].

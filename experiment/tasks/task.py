@@ -56,8 +56,8 @@ class Burst(NamedTuple):
 
     Examples
     --------
-    >>> Burst(("left",)), Burst().sites
-    (Burst(sites=('left',), is_reference=False), ())
+    >>> Burst(("thumb",)), Burst().sites
+    (Burst(sites=('thumb',), is_reference=False), ())
     """
 
     sites: tuple[str, ...] = ()
@@ -87,12 +87,12 @@ class Presentation:
 
     Examples
     --------
-    A burst at the left finger in the second of two intervals:
+    A burst at the thumb in the second of two intervals:
 
-    >>> shown = Presentation(name="left_2", kind="single", bursts=(Burst(), Burst(("left",))),
-    ...                      correct="second", site="left", meaning="left, second interval")
+    >>> shown = Presentation(name="thumb_2", kind="single", bursts=(Burst(), Burst(("thumb",))),
+    ...                      correct="second", site="thumb", meaning="thumb, second interval")
     >>> shown.sites, shown.interval
-    (('left',), 1)
+    (('thumb',), 1)
     """
 
     name: str

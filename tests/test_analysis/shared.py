@@ -55,6 +55,7 @@ ROW = TrialRow(
     rt_s=0.5,
     correct=True,
     status="ok",
+    earlier_onsets_s=(),
     onset_s=12.25,
     foreperiod_s=1.5,
     site_levels_vpp=(60.0, 0.0),

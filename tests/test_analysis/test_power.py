@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pytest
@@ -12,9 +12,12 @@ from scipy.special import ndtr, ndtri
 from scipy.stats import binom
 
 from analysis import proportion_ci
-from analysis.planning.goals import Outcome
-from analysis.planning.studies import pilot_levels_vpp
+from analysis.planning.goals import Goal, Outcome
+from analysis.planning.sessions import Session, draw_counts
+from analysis.planning.studies import Chunk, Point, pilot_levels_vpp, plan_text, simulate
+from experiment import simulate_study
 from experiment.perception.gains import without_crosstalk
+from experiment.study.physics import study_gains
 from tests.plates import on_paper_plate
 from tests.test_analysis.planning import (
     BOTH_AND_NONE,
@@ -25,6 +28,7 @@ from tests.test_analysis.planning import (
     study_of,
 )
 from tests.test_analysis.shared import cases, put, run
+from tests.test_experiment.test_identification import names, study_at
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -99,6 +103,72 @@ def test_results_do_not_depend_on_how_studies_are_cut_into_chunks(
     together = simulated(study, goal, 6, 7, **at)
     assert together == [*first, *second, *third]
     assert [Outcome(*row) for row in json.loads(json.dumps(together))] == together
+
+
+STEP: Final = """
+levels_vpp = [50.0, 60.0, 70.0, 80.0, 90.0]
+trials_per_side = 25
+both_trials = 0
+responses = ["left", "right", "none"]
+blank_trials = 10
+"""
+
+
+def test_a_staircase_is_simulated_answer_by_answer() -> None:
+    """Whoever detects all above 72 V goes 90, 80, 70 and up again at each site; blanks do not."""
+    person = {"threshold_vpp": 72.0, "sigma": 0.001, "lapse_rate": 0.0, "false_alarm_rate": 0.0}
+    study = study_of(STEP, "reaction_time_spread = 0").changed(levels={"rule": "staircase"})
+    study = study.changed(simulation=person | {"reaction_time_spread": 0.0})
+    sessions = [
+        Session(
+            person=study.simulation.median,
+            designs=(study.design,) * 2,
+            rng=np.random.default_rng(seed),
+            shifts_db=(0.0, 0.0),
+        )
+        for seed in range(3)
+    ]
+    for counts in draw_counts(sessions, without_crosstalk(2), study.task, study.levels):
+        assert counts.tables.presented.tolist() == [[0, 0, 16, 16, 18]] * 3
+        assert counts.tables.detected.tolist() == [[0, 0, 0, 16, 18]] * 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rule", ["staircase", "bayesian"])
+def test_chosen_levels_are_those_of_sessions_through_the_engine(rule: str, tmp_path: Path) -> None:
+    people = "threshold_vpp = 75.0\nthreshold_sd_db = 2.0\nlast_answer_db = 1.0\nsigma = 0.08"
+    study = study_of(STEP, people).changed(levels={"rule": rule})
+    gains = study_gains(study)
+    folders = simulate_study(study, tmp_path, participants=60, seed=5, gains=gains)
+    rows = [row for folder in folders for row in folder.read_history(folder.read_plan()).rows]
+    single = [row for row in rows if row.kind == "single" and row.status == "ok"]
+    of_engine = np.array(
+        [[row.level_vpp == vpp for row in single] for vpp in study.design.levels_vpp]
+    ).reshape(5, 60, -1)
+    sessions = [
+        Session(
+            person=study.simulation.draw(study.site_distance_mm, rng),
+            designs=(study.design,),
+            rng=rng,
+        )
+        for rng in map(np.random.default_rng, range(60))
+    ]
+    gains_of_fingers = gains[0].at_fingers(study.task.sites)
+    (counts,) = draw_counts(sessions, gains_of_fingers, study.task, study.levels)
+    shares = of_engine.mean(axis=2)
+    drawn = counts.tables.presented.T / 50
+    error = np.sqrt((shares.var(axis=1) + drawn.var(axis=1)) / 60)
+    assert (np.abs(shares.mean(axis=1) - drawn.mean(axis=1)) < 4 * error + 1e-9).all()
+
+
+@pytest.mark.parametrize(("kind", "n_sites"), [("yes-no", 1), ("yes-no", 3), ("identification", 4)])
+def test_any_number_of_sites_can_be_planned(kind: str, n_sites: int) -> None:
+    blanks = 20 if kind == "yes-no" else 0
+    study = study_at(*names(n_sites), kind=kind, levels_vpp=[30, 50, 80, 120], blank_trials=blanks)
+    plan = plan_text(study, study_gains(study), Goal.parse("half-width=9dB"))
+    point = Point(participants=6, trials_per_side=60, blanks=blanks)
+    outcomes = simulate(Chunk(plan=plan, point=point, first=0, number=2, seed=1))
+    assert all(outcome.reached and outcome.covered for outcome in outcomes)
 
 
 @pytest.mark.parametrize("bounds", [(2, 40), (2, 200), (7, 9)])

@@ -114,8 +114,10 @@ def test_intervals_are_a_gap_and_a_foreperiod_apart(lab_in: Callable[[str, Study
         apart_s = 0.5 + planned[number].foreperiod_s
         assert second - first == pytest.approx(apart_s, abs=0.01)
         assert third - second == pytest.approx(apart_s, abs=0.01)
-    last = {row.trial: row.onset_s for row in lab.rows}
-    assert last == {number: each[-1] for number, each in onsets.items()}
+    rows = {row.trial: [*row.earlier_onsets_s, row.onset_s] for row in lab.rows}
+    assert rows == onsets
+    heading = lab.folder.trials_path.read_text("utf-8").partition("\n")[0]
+    assert ",onset_1_s,onset_2_s,onset_s," in heading
 
 
 @pytest.mark.parametrize("call", [1, 2, 3])

@@ -247,7 +247,7 @@ def lay_out(
         )
         panel.tick_params(axis="y", labelleft="y" not in shared or column == 0)
         is_wide = text_em(titles[i]) > widths[column]
-        panel.set_title(titles[i], loc="right" if is_wide else "left", fontsize="small")
+        panel.set_title(titles[i], loc="right" if is_wide else None, fontsize="small")
         panels.append(panel)
         same = {f"share{name}": panels[0] for name in shared}
     if ax is not None and len(titles) > 1:
