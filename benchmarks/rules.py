@@ -1,8 +1,9 @@
-"""The Bayesian rule of levels beside QUEST+, on the yes/no task that both know.
+"""The Bayesian rule of levels beside other programs' handlers, on the yes/no task that all know.
 
-The same simulated participants answer both in the same run, as many trials in all: this program's
-rule has a blank trial after every fourth stimulus, QUEST+ has stimuli only, for it has no blank
-trials. Both choose among the same levels, and their estimates are compared with the true threshold.
+The same simulated participants answer all in the same run, as many trials in all: this program's
+rule has a blank trial after every fourth stimulus; the others have stimuli only, for they have no
+blank trials. QUEST+ chooses among the same levels, PsychoPy's handlers any level between them.
+Estimates are compared with the true threshold. Needs the extras `crosscheck` and `screen`.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ LEVELS_VPP: Final = tuple(np.geomspace(30.0, 300.0, 15).tolist())
 SIGMAS, LAPSES, FALSE_ALARMS = (0.03, 0.05, 0.09, 0.15, 0.25), (0.0, 0.03, 0.08), (0.02, 0.08, 0.2)
 CHECKPOINTS: Final = (30, 60, 120)
 """Trials in all after which the estimates are compared."""
-PEOPLE: Final = 200
+PEOPLE: Final = 1000
 
 
 class Person(NamedTuple):
@@ -96,6 +97,61 @@ def _questplus(person: Person, rng: np.random.Generator) -> Iterator[tuple[float
         yield taken_s, float(20 * error)
 
 
+def _psychopy_quest(person: Person, rng: np.random.Generator) -> Iterator[tuple[float, float]]:
+    """Yield the same of PsychoPy's QUEST, whose slope, lapse and guess rate are fixed.
+
+    They are those of the middle of the population; a Weibull function of slope 5.6 is about as wide
+    as a normal one of sigma 0.1.
+    """
+    from psychopy.data.staircase import QuestHandler
+
+    low, high = np.log10([LEVELS_VPP[0], LEVELS_VPP[-1]])
+    settings: dict[str, Any] = {"pThreshold": 0.54, "beta": 5.6, "delta": 0.03, "gamma": 0.08}
+    quest: Any = QuestHandler(
+        (low + high) / 2, 0.5, nTrials=max(CHECKPOINTS), minVal=low, maxVal=high, **settings
+    )
+    yield from _handled(quest, quest.mean, person, rng)
+
+
+def _psychopy_staircase(person: Person, rng: np.random.Generator) -> Iterator[tuple[float, float]]:
+    """Yield the same of PsychoPy's staircase, one up and one down in steps of 4, 2 and 1 dB.
+
+    Its estimate is the mean of the reversals, as its users compute it, or the level before one.
+    """
+    from psychopy.data.staircase import StairHandler
+
+    low, high = np.log10([LEVELS_VPP[0], LEVELS_VPP[-1]])
+    stairs: Any = StairHandler(
+        high,
+        nTrials=max(CHECKPOINTS),
+        nReversals=3,
+        stepSizes=[0.2, 0.1, 0.05],
+        stepType="lin",
+        nUp=1,
+        nDown=1,
+        minVal=low,
+        maxVal=high,
+    )
+
+    def estimate() -> float:
+        reversals = stairs.reversalIntensities[2:]
+        return float(np.mean(reversals)) if reversals else float(stairs.intensities[-1])
+
+    yield from _handled(stairs, estimate, person, rng)
+
+
+def _handled(
+    handler: Any, estimate: Callable[[], float], person: Person, rng: np.random.Generator
+) -> Iterator[tuple[float, float]]:
+    """Yield the time of a choice and the error after each trial of a handler of PsychoPy."""
+    for _ in range(max(CHECKPOINTS)):
+        begun_s = time.perf_counter()
+        level = float(next(handler))
+        handler.addResponse(int(person.says_yes(10**level, rng)))
+        taken_s = time.perf_counter() - begun_s
+        yield taken_s, float(20 * (estimate() - np.log10(person.threshold_vpp)))
+
+
 def section() -> str:
     """Measure both rules, and write the section of the page."""
     lines = [
@@ -112,6 +168,8 @@ def section() -> str:
     rules: dict[str, Callable[[Person, np.random.Generator], Iterator[tuple[float, float]]]] = {
         "`bayesian`": _bayesian,
         "QUEST+ (questplus)": _questplus,
+        "QUEST (PsychoPy)": _psychopy_quest,
+        "staircase (PsychoPy)": _psychopy_staircase,
     }
     for name, rule in rules.items():
         runs = np.array(
