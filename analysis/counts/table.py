@@ -205,18 +205,16 @@ def count_correct(counts: pd.DataFrame, reference_vpp: float | None = None) -> p
     another single stimulus. Beside a reference, the correct answer depends on the level, and trials
     at the reference have none.
     """
-    task = task_of(counts)
-    singles = task.of_kind(SINGLE)
-    below = counts["level_vpp"].lt(reference_vpp or 0.0)
-    correct, correct_below = (
-        counts["side"].map({shown.name: getattr(shown, name) for shown in singles})
-        for name in ("correct", "correct_below")
-    )
-    correct = correct.mask(below, correct_below)
+    singles = task_of(counts).of_kind(SINGLE)
+    rows = counts[counts["kind"].eq(SINGLE)]
+    correct = rows["side"].map({shown.name: shown.correct for shown in singles})
+    if reference_vpp is not None:
+        rows = rows[rows["level_vpp"].ne(reference_vpp)]
+        below = rows["side"].map({shown.name: shown.correct_below for shown in singles})
+        correct = correct[rows.index].mask(rows["level_vpp"].lt(reference_vpp), below)
     # A presentation at any site that has this correct answer stands for all of them.
     alike = {shown.correct: shown.name for shown in reversed(singles)}
-    rows = counts.assign(side=correct.map(alike), answer=correct)
-    rows = rows[counts["kind"].eq(SINGLE) & counts["level_vpp"].ne(reference_vpp or 0.0)]
+    rows = rows.assign(side=correct.map(alike), answer=correct)
     is_wrong = rows["response"].isin([*alike]) & rows["response"].ne(rows["answer"])
     cells = count_levels(rows, "side")
     key = [*_LEVEL, "participant", "side"]

@@ -186,3 +186,33 @@ def test_the_task_says_what_a_0_means(tmp_path: Path, task: str, answer: str) ->
     trials = loaded(tmp_path, text, ColumnMap(task=task)).trials
     assert trials["response"].tolist() == ["left", answer]
     assert trials["none_offered"].tolist() == [task == "yes/no"] * 2
+
+
+@pytest.mark.parametrize("task", ["yes/no", "forced choice"])
+@pytest.mark.parametrize("shift_db", [-40.0, -10.0])
+def test_the_zero_of_a_scale_in_db_does_not_matter(
+    task: Any, shift_db: float, tmp_path: Path
+) -> None:
+    """Levels at and below 0 dB are levels like all others."""
+    detected = {0.0: 11, 5.0: 12, 10.0: 16, 15.0: 19, 20.0: 20}
+    rows = [(level_db, hit < hits) for level_db, hits in detected.items() for hit in range(20)]
+
+    def threshold_of(shift_db: float) -> pd.Series[float]:
+        lines = [f"1,{level_db + shift_db},{int(hit)}" for level_db, hit in rows]
+        path = put(tmp_path / f"{shift_db}.csv", "\n".join(["participant,level,ok", *lines]))
+        columns = ColumnMap(
+            columns={"level_vpp": "level", "detected": "ok"},
+            constant={"side": "left"},
+            axis={"x_scale": "dB", "unit": "dB"},
+            task=task,
+        )
+        analysis = write_analysis(
+            [path], tmp_path / f"out{shift_db}", columns=columns, figures=False
+        )
+        row = analysis.thresholds.iloc[0]
+        return row[["threshold_vpp", "threshold_low_vpp", "threshold_high_vpp"]].astype(float)
+
+    shifted = threshold_of(shift_db) - shift_db
+    assert shifted.tolist() == pytest.approx(
+        threshold_of(0.5).sub(0.5).tolist(), abs=1e-6, nan_ok=True
+    )
