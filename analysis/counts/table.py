@@ -32,8 +32,10 @@ NEEDED: Final = (*_KEY, "reason")
 PERSON: Final = ["condition", "participant"]
 _LEVEL: Final = ["condition", "level_vpp"]
 
+BAND: Final = ("p_function", "p_low", "p_high")
+"""The group's function at a level, with its 95 % limits."""
 LEVEL_COLUMNS: Final = (
-    *(*_LEVEL, "detected", "presented", "p_min", "p_mean", "p_max", "p_pooled", "p_low", "p_high"),
+    *(*_LEVEL, "detected", "presented", "p_min", "p_mean", "p_max", "p_pooled", *BAND),
     *("over_report", "mislocalised", "timeouts", "p_answered"),
 )
 SIDE_COLUMNS: Final = (
@@ -258,10 +260,11 @@ def level_table(trials: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        Columns ``condition level_vpp detected presented p_min p_mean p_max p_pooled p_low p_high
-        over_report mislocalised timeouts p_answered``, defined in columns.json of an analysis;
-        levels in peak-to-peak volts. ``p_low`` and ``p_high`` are 95 % limits of ``p_mean`` by
-        Student's t, NaN for a single participant; ``p_answered`` is NaN where nobody answered.
+        Columns ``condition level_vpp detected presented p_min p_mean p_max p_pooled p_function
+        p_low p_high over_report mislocalised timeouts p_answered``, defined in columns.json of an
+        analysis; levels in peak-to-peak volts. ``p_function`` is NaN here; ``p_low`` and ``p_high``
+        are 95 % limits of ``p_mean`` by Student's t, NaN for a single participant; ``p_answered``
+        is NaN at levels without an answer.
 
     Raises
     ------
@@ -282,8 +285,8 @@ def level_table(trials: pd.DataFrame) -> pd.DataFrame:
 def summarize_levels(cells: pd.DataFrame, bands: pd.DataFrame | None = None) -> pd.DataFrame:
     """Return `level_table` of `count_levels` or of a table of counts.
 
-    ``p_low`` and ``p_high`` are those of `bands` (columns ``condition level_vpp p_low p_high``, the
-    95 % band of the group's function) where it has them. Counts of errors are NaN where a table of
+    ``p_function``, ``p_low`` and ``p_high`` are those of `bands` (the group's function with its
+    95 % band) where it has them. Counts of errors are NaN where a table of
     counts has none.
     """
     limits, table = _summary(cells, _LEVEL)
@@ -293,9 +296,10 @@ def summarize_levels(cells: pd.DataFrame, bands: pd.DataFrame | None = None) -> 
     answered = table["presented"] - table["timeouts"] - table["invalid"]
     table["p_answered"] = (table["detected"] / answered).where(answered > 0)
     table["p_pooled"] = table["detected"] / table["presented"]
+    table["p_function"] = math.nan
     table["p_low"], table["p_high"] = (limits[end].clip(0.0, 1.0) for end in ("low", "high"))
     if bands is not None:
-        table.update(bands.set_index(_LEVEL)[["p_low", "p_high"]])
+        table.update(bands.set_index(_LEVEL)[[*BAND]])
     return table.reset_index()[[*LEVEL_COLUMNS]]
 
 

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import stdtrit
 
+from analysis.counts.table import BAND
 from analysis.numbers import LIMITS
 from analysis.thresholds.function import MAX_LAPSE, FunctionName, inverse, rise
 from analysis.thresholds.group import MIDDLE, MIN_PEOPLE, draws, posterior_of
@@ -65,11 +66,14 @@ class Line:
         """Return the value between guesses, 0, and lapses, 1."""
         return rise(self.shape, np.asarray((x - self.mu) / self.sigma))[0]
 
-    def band(self, x: Floats) -> Floats:
-        """Return the limits of the values of drawn functions at places on the axis, (2, places)."""
+    def band(self, x: Floats, quantiles: tuple[float, ...] = LIMITS) -> Floats:
+        """Return quantiles of the values of drawn functions at places on the axis.
+
+        Shape (quantiles, places).
+        """
         blocks = [x[start : start + _PLACES, None] for start in range(0, len(x), _PLACES)]
         return np.concatenate(
-            [np.quantile(self.at(block), LIMITS, axis=1) for block in blocks], axis=1
+            [np.quantile(self.at(block), quantiles, axis=1) for block in blocks], axis=1
         )
 
     def places(self, p: float) -> Floats:
@@ -154,17 +158,18 @@ def group_function(people: Tables) -> Function:
 
 
 def group_bands(people: Tables) -> pd.DataFrame:
-    """Return the band of the group's function of each condition at the tested levels.
+    """Return median and 95 % limits of the group's function at the tested levels of each condition.
 
-    Of one person the band is the person's. Conditions with one level have none.
+    Of one person the band is that person's. Conditions with one level have none.
     """
     rows: list[tuple[object, ...]] = []
     for condition, group in people.conditions.items():
         if group.several_levels().any():
             levels = group.tested
-            low, high = drawn_functions(group).band(group.axis.on_axis(levels))
-            rows += zip([condition] * len(levels), levels, low, high, strict=True)
-    return pd.DataFrame(rows, columns=["condition", "level_vpp", "p_low", "p_high"])
+            quantiles = 0.5, *LIMITS
+            band = drawn_functions(group).band(group.axis.on_axis(levels), quantiles)
+            rows += zip([condition] * len(levels), levels, *band, strict=True)
+    return pd.DataFrame(rows, columns=["condition", "level_vpp", *BAND])
 
 
 def _function(people: Tables, drawn: Line, line: Line) -> Function:

@@ -110,6 +110,7 @@ def test_levels_have_the_band_of_the_function_or_else_limits_by_t() -> None:
     ]
     cells = count_levels(count_answers(pd.concat(parts, ignore_index=True)))
     bands = pd.DataFrame({"condition": "main", "level_vpp": [60.0], "p_low": 0.5, "p_high": 0.6})
+    bands["p_function"] = 0.55
     limits = summarize_levels(cells, bands)[["p_low", "p_high"]].to_numpy()
     by_t = ttest_1samp([k / 10 for k in hits.values()], 0).confidence_interval()
     assert limits.tolist() == [[0.5, 0.6], pytest.approx(np.clip([*by_t], 0, 1))]

@@ -93,6 +93,8 @@ def test_bands_of_levels_are_those_of_the_drawn_function() -> None:
     tested = np.isin(one.level_vpp, LEVELS)
     assert bands["p_low"].tolist() == pytest.approx(one.low[tested].tolist())
     assert bands["p_high"].tolist() == pytest.approx(one.high[tested].tolist())
+    assert (bands["p_low"] < bands["p_function"]).all()
+    assert (bands["p_function"] < bands["p_high"]).all()
     alone = group_bands(people(FELT))
     assert (alone["p_low"] < alone["p_high"]).all()
 
