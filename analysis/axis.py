@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
 
 Levels = TypeVar("Levels", float, "Floats")
-XScale = Literal["log10", "linear"]
-LevelScale = Literal["log10", "dB", "linear"]
+XScale = Literal["log10", "dB", "linear"]
 _DB = 20.0
 _MOST_UNIT = 16
 LARGEST = 1e300
@@ -49,12 +48,12 @@ class Axis:
     (1.0, 20.0)
     """
 
-    x_scale: LevelScale = "log10"
+    x_scale: XScale = "log10"
     unit: str = "V"
     peak_to_peak: bool = True
 
     def __post_init__(self) -> None:
-        if self.x_scale not in get_args(LevelScale):
+        if self.x_scale not in get_args(XScale):
             raise ValueError(f"[axis] x_scale: allowed log10, dB, linear, got {self.x_scale!r}")
         unit: object = self.unit
         if not (isinstance(unit, str) and 0 < len(unit) <= _MOST_UNIT and unit.isprintable()):

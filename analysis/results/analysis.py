@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from analysis.reading.trials import Counts, LoadedTrials
     from analysis.results.protocol import Planned
     from analysis.thresholds.likelihood import Tables
-    from experiment.tasks.task import Task
+    from experiment.tasks.task import Scoring, Task
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -206,9 +206,15 @@ class Analysis:
         return bool(self.one_side) or (self.loaded.task == YES_NO and not sides.any())
 
     @property
+    def scoring(self) -> Scoring:
+        """How trials are scored; a table of another program may be one of a forced choice."""
+        is_forced = self.loaded.task == FORCED and self.task.scoring == "localisation"
+        return "forced-choice" if is_forced else self.task.scoring
+
+    @property
     def words(self) -> Mapping[str, Any]:
         """What thresholds and detections are called in the task."""
-        return words_of(self.task.scoring)
+        return words_of(self.scoring)
 
     def label(self, text: str) -> str:
         """Return a caption, a heading or a label in the words of the task.

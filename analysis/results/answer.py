@@ -76,7 +76,7 @@ def _row(
     **data: object,
 ) -> AnswerRow:
     """Return a row; what its kind is called depends on the task."""
-    scoring = analysis.task.scoring if analysis else ""
+    scoring = analysis.scoring if analysis else ""
     text = sentence(_FILE, macro or kind, scoring, **data)
     return AnswerRow(kind=words_of(scoring)["kinds"].get(kind, kind), names=names, text=text)
 

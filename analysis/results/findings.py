@@ -182,7 +182,8 @@ def differences(analysis: Analysis) -> list[dict[str, Any]]:
     """Return the difference of every two conditions; of one participant in both, that one's.
 
     Each row of the table has in addition ``people``, the number of participants in both conditions,
-    ``apart``, whether the printed interval leaves out 0, and the texts ``ratio`` and ``value``.
+    ``bounded``, the number of those of whose difference no more than a limit is known, ``apart``,
+    whether the printed interval leaves out 0, and the texts ``ratio`` and ``value``.
     """
     results = []
     table = analysis.differences
@@ -191,6 +192,7 @@ def differences(analysis: Analysis) -> list[dict[str, Any]]:
         if row["status"] == "one_participant" and len(people) == 1:
             row = people.iloc[0]
         result = {str(name): value for name, value in row.items()} | {"people": len(people)}
+        result["bounded"] = int(people["status"].isin(["at_least", "at_most", "unknown"]).sum())
         low, high = (round(end, 1) for end in _limits(result, "{}_db"))
         has_ratio = row["status"] == "ok" and not analysis.axis.signed
         result |= {"apart": low > 0 or high < 0, "ratio": _ratio(result) if has_ratio else ""}

@@ -60,7 +60,7 @@ def find_warnings(analysis: Analysis) -> Iterator[AnalysisWarning]:
         _check_sides(analysis),
         _check_conditions(analysis),
     )
-    scoring = analysis.task.scoring
+    scoring = analysis.scoring
     warnings = [warning(code, scoring, **data) for is_found, code, data in checks if is_found]
     order = [*WarningCode]
     yield from sorted(warnings, key=lambda each: order.index(each.code))

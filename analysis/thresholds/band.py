@@ -102,8 +102,13 @@ class Function:
         return self.line.at(self.axis.on_axis(level_vpp))
 
 
-def drawn_functions(people: Tables, number: int = _DRAWS, seed: int = 1) -> Line:
-    """Draw functions of one participant, or of the group of several: the mean of people like these.
+def drawn_functions(
+    people: Tables, number: int = _DRAWS, seed: int = 1, *, typical: bool = False
+) -> Line:
+    """Draw functions of one participant, or of the group of several.
+
+    That of a group is the mean of people like these, which is wider than anyone's, or that of the
+    `typical` participant, whose threshold is the group's.
 
     All parameters are drawn from their posterior, anywhere between the nodes of the grid.
     """
@@ -121,7 +126,7 @@ def drawn_functions(people: Tables, number: int = _DRAWS, seed: int = 1) -> Line
             (_mean_over_people([person.lapse for person in people.likelihoods]), MAX_LAPSE),
         )
     )
-    width = np.hypot(np.exp(log_sigma), spread) * step
+    width = (np.exp(log_sigma) if typical else np.hypot(np.exp(log_sigma), spread)) * step
     return Line(middle * step, width, lapse, gamma, people.function)
 
 

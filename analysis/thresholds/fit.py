@@ -121,11 +121,11 @@ def fit_psychometric(
         gamma: 1/2 where a participant has to guess one of two sides. 0 is only right where a
         participant without a sensation never reports one.
     x_scale : str
-        ``log10`` or ``linear``.
+        ``log10``, ``dB`` for 20 log10 of such levels, or ``linear``.
     function : str
         F: ``normal``, ``logistic``, ``weibull`` or ``gumbel``, all with F(0) = 1/2 and the same
-        slope there. A Weibull function of the level, which needs ``log10``, is a Gumbel function of
-        its logarithm.
+        slope there. A Weibull function of the level, which needs ``log10`` or ``dB``, is a Gumbel
+        function of its logarithm.
 
     Returns
     -------

@@ -106,8 +106,9 @@ class PsychometricFits:
         Returns
         -------
         pandas.DataFrame
-            Columns condition, participant (``all`` for a group), level, low, high: posterior median
-            and 95 % limits. Those outside the tested levels are NaN.
+            Columns condition, participant (``all`` for the typical participant of a group, whose
+            threshold is the group's), level, low, high: posterior median and 95 % limits. Those
+            outside the tested levels are NaN.
 
         Raises
         ------
@@ -120,7 +121,7 @@ class PsychometricFits:
         for name, row, people in self._functions():
             low, at, high = (math.nan,) * 3
             if row["status"] in WITH_FUNCTION:
-                drawn = drawn_functions(people).places(proportion)
+                drawn = drawn_functions(people, typical=True).places(proportion)
                 places = np.asarray(np.quantile(drawn, POINTS, method="inverted_cdf"), float)
                 x = self.axis.on_axis(people.tested)
                 inside = (places >= x[0]) & (places <= x[-1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -95,6 +96,18 @@ class GuessRate:
             (answered, blanks), basis = _ASSUMED, "assumed"
         a, b = 0.5 + answered, 0.5 + blanks - answered
         return cls(mean=min(a / (a + b), MAX_GUESS_RATE), beta=(a, b), basis=basis)
+
+    @property
+    def share_of_blanks(self) -> float:
+        """The share of blank trials that had the answer in question; NaN of a known rate.
+
+        >>> round(GuessRate.after_blanks(answered=3, blanks=60).share_of_blanks, 12)
+        0.05
+        """
+        if self.beta is None:
+            return math.nan
+        a, b = self.beta
+        return (a - 0.5) / (a + b - 1)
 
     @property
     def lapse_share(self) -> float:

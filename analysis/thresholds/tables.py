@@ -67,7 +67,7 @@ def checked_tables(
         detected=k,
         presented=n,
         guesses=_guess_rates(len(k), guess_rate, blanks),
-        axis=Axis(x_scale=x_scale, unit="level"),
+        axis=Axis(x_scale=x_scale, unit="dB" if x_scale == "dB" else "level"),
         function=function,
     )
 
@@ -81,11 +81,11 @@ def _checked_levels(levels: NDArray[np.generic], x_scale: XScale, name: str) -> 
         wrong = reprlib.repr(x[~(np.abs(x) <= LARGEST)].tolist())
         raise ValueError(f"{name} must be finite and at most {LARGEST:g}; got {wrong}")
     if x_scale not in get_args(XScale):
-        raise ValueError(f"x_scale must be one of log10, linear; got {x_scale!r}")
+        raise ValueError(f"x_scale must be one of {', '.join(get_args(XScale))}; got {x_scale!r}")
     if x_scale == "log10" and (x <= 0).any():
         raise ValueError(
             f"{name} must be above 0 on the axis log10; got {reprlib.repr(x[x <= 0].tolist())}: "
-            'use x_scale="linear"'
+            'use x_scale="dB" for levels in dB, else x_scale="linear"'
         )
     return x
 

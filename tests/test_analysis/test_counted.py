@@ -209,6 +209,8 @@ def test_the_zero_of_a_scale_in_db_does_not_matter(
         analysis = write_analysis(
             [path], tmp_path / f"out{shift_db}", columns=columns, figures=False
         )
+        proportion = "Proportion correct" if task == "forced choice" else "Proportion detected"
+        assert analysis.words["axis"] == proportion
         row = analysis.thresholds.iloc[0]
         return row[["threshold_vpp", "threshold_low_vpp", "threshold_high_vpp"]].astype(float)
 

@@ -428,6 +428,33 @@ def test_the_table_of_a_notebook_has_the_thresholds_of_its_people() -> None:
             notebook_fit(pd.DataFrame(rows, columns=names), **(columns | options))
 
 
+def test_levels_in_db_give_the_threshold_of_their_amplitudes() -> None:
+    of_levels = fit_psychometric(PAPER, GOOD, [30] * 5, guess_rate=0.05)
+    in_db = fit_psychometric(20 * np.log10(PAPER), GOOD, [30] * 5, guess_rate=0.05, x_scale="dB")
+    assert in_db.threshold == pytest.approx(20 * np.log10(of_levels.threshold), abs=1e-9)
+    assert in_db.sigma == pytest.approx(20 * of_levels.sigma, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_the_level_of_a_group_is_that_of_its_typical_participant() -> None:
+    """Steep functions 12 dB apart: their mean is flat, but nobody's is."""
+    levels = np.geomspace(20.0, 400.0, 12)
+    thresholds = [50.0, 70.0, 100.0, 140.0, 200.0]
+    rows = [
+        (who, level, round(60 * float(p)), 60)
+        for who, threshold in enumerate(thresholds)
+        for level, p in zip(
+            levels,
+            psychometric(levels, threshold_vpp=threshold, sigma=0.06, guess_rate=0, lapse_rate=0),
+            strict=True,
+        )
+    ]
+    frame = pd.DataFrame(rows, columns=["who", "level", "k", "n"])
+    names: Any = {"level": "level", "detected": "k", "presented": "n", "participant": "who"}
+    higher = notebook_fit(frame, **names, guess_rate=0.0).threshold_at(0.85)["level"]
+    assert higher.iloc[-1] == pytest.approx(np.exp(np.log(higher[:-1]).mean()), rel=0.03)
+
+
 def test_a_notebooks_table_without_a_name_or_a_count_is_refused_in_one_line() -> None:
     frame = pd.DataFrame({"who": "a", "level": PAPER, "k": GOOD, "n": 30})
     columns: Any = {"level": "level", "detected": "k", "presented": "n", "guess_rate": 0.05}

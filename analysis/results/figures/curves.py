@@ -56,8 +56,17 @@ def by_threshold(analysis: Analysis) -> list[str]:
 
 
 def blank_rates(analysis: Analysis) -> pd.DataFrame:
-    """Return the thresholds whose guess rate comes from blank trials."""
-    return analysis.thresholds[analysis.thresholds["guess_basis"].isin(["blanks", "few blanks"])]
+    """Return the share of each participant's blanks that a stimulus would have been detected by.
+
+    Columns ``condition participant rate``; without blank trials no rows.
+    """
+    people = analysis.people
+    rows = [
+        (*name, guess.share_of_blanks)
+        for name, guess in zip(people.names, people.guesses, strict=True)
+        if guess.basis in {"blanks", "few blanks"}
+    ]
+    return pd.DataFrame(rows, columns=["condition", "participant", "rate"])
 
 
 def person_curves(analysis: Analysis, participant: str) -> dict[str, Curve]:
@@ -98,7 +107,7 @@ def _curve(analysis: Analysis, condition: str, people: Tables) -> Curve:
         p=_floats(means, "p"),
         limits=(_floats(means, "low"), _floats(means, "high")),
         threshold_vpp=float(fits["threshold_vpp"].iloc[0]),
-        guess_rate=float(rates["guess_rate"].mean()),
+        guess_rate=float(rates["rate"].mean()),
         function=function,
     )
 

@@ -103,7 +103,7 @@ def plot_detection(
             curve = curves[condition]
             people = analysis.participants[analysis.participants["condition"].eq(condition)]
             if people["participant"].nunique() > 1:
-                guesses = rates.loc[rates["condition"].eq(condition), "guess_rate"]
+                guesses = rates.loc[rates["condition"].eq(condition), "rate"]
                 level = [*people["level_vpp"], *[blank] * len(guesses)]
                 draw_points(axes, level, [*people["p"], *guesses], **symbols, faint=True)
             level, p = [*curve.level_vpp, blank], [*curve.p, curve.guess_rate]

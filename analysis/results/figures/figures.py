@@ -106,7 +106,7 @@ def drawings(analysis: Analysis) -> Iterator[Picture]:
         for page, names in enumerate(pages, start=1):
             it = {**data, "names": names, "page": page, "pages": len(pages)}
             texts: dict[str, Any] = {
-                text: sentence("captions.jinja", text, analysis.task.scoring, figure=figure, it=it)
+                text: sentence("captions.jinja", text, analysis.scoring, figure=figure, it=it)
                 for text in ("title", "caption", "alt")
             }
             name = figure if page == 1 else f"{figure}-{page}"
