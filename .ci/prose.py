@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 PACKAGES: Final = ("stimuli", "device", "experiment", "analysis")
-CHECKED: Final = ("stimuli",)
+CHECKED: Final = ("stimuli", "device")
 """Packages whose docstrings and messages must be free of banned words."""
 MAX_WORDS: Final = 35
 MAX_MEAN_WORDS: Final = 20
@@ -36,6 +36,10 @@ _INITIAL: Final = r"(?<!(?<!\d )(?<![-\w])[A-Z])"
 _SENTENCE_END: Final = re.compile(
     rf"{_INITIAL}{_ABBREVIATIONS}[.!?][)\"*]*\s+(?=[\"(*`_\[]*[A-Z0-9])"
 )
+_CODE_LINES: Final = re.compile(
+    r"(?s)^\s*>>>.*?(?=\n\s*\n|\Z)|^\w+(?:, \w+)* : [^\n]*$", re.MULTILINE
+)
+"""Examples, and the lines of a docstring that name a parameter or an attribute."""
 _FENCE: Final = re.compile(r"(?ms)^ *(`{3,}|:{3,})(?!\{(?:glossary|note|warning)).*?^ *\1\s*$")
 _MARKUP: Final = (
     (_FENCE, "\n\n"),
@@ -119,7 +123,7 @@ def package_counts(package: str) -> tuple[Counts, Counts]:
     texts: dict[bool, list[str]] = {True: [], False: []}
     for path in sorted((ROOT / package).rglob("*.py")):
         for text, is_docstring in strings_of(ast.parse(path.read_text("utf-8"))):
-            texts[is_docstring].append(re.sub(r"(?ms)^\s*>>>.*?(?=\n\s*\n|\Z)", "", text))
+            texts[is_docstring].append(_CODE_LINES.sub("", text))
     return tuple(  # type: ignore[return-value]
         Counts(
             name=f"{package} ({kind})",

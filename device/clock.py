@@ -82,12 +82,12 @@ class MonotonicClock:
 
 
 class VirtualClock:
-    """A clock that stands still until it is waited on, then jumps by the wait.
+    """A clock that advances only when something waits on it, by the duration of the wait.
 
     Parameters
     ----------
     start_s : float
-        What it shows first, in seconds.
+        The first time that it shows, in seconds.
 
     Raises
     ------
@@ -137,9 +137,9 @@ class VirtualClock:
 class MachineTime:
     """A moment by the machine's own clocks.
 
-    `up_s` counts from the machine's start, sleep included, and nobody can set it; `boot` differs
-    from start to start, where the system has it. `wall_s`, seconds since 1970, may be set at any
-    time.
+    `up_s` counts the seconds since the machine started, including sleep; it cannot be set. `boot`
+    differs from start to start, where the system offers it. `wall_s` counts the seconds since
+    1970; a user may set it at any time.
     """
 
     boot: str | None
@@ -152,7 +152,7 @@ _BOOT: Final = Path("/proc/sys/kernel/random/boot_id")
 
 
 def uptime_s() -> float:
-    """Return the seconds since the machine's start, where the system can tell sleep included."""
+    """Return the seconds since the machine started, including sleep where the system counts it."""
     return time.monotonic() if _UP_CLOCK is None else time.clock_gettime(_UP_CLOCK)
 
 
@@ -176,11 +176,11 @@ _ROUNDING_S: Final = 1e-3
 
 
 def elapsed_s(earlier: MachineTime, later: MachineTime) -> float | None:
-    """Return the seconds between two times; None where the machine was started anew between them.
+    """Return the seconds between two times; None if the machine restarted between them.
 
-    Only by the clock that cannot be set. Where the system does not tell its starts apart, they are
-    one if both clocks agree on when that was; a calendar clock that was set makes them two: then
-    nobody can tell how much time went by.
+    Only the clock that cannot be set is read for this. Where the system does not number its starts,
+    two times belong to one start if both clocks agree on when it was. If the calendar clock was
+    set, they do not agree, and the elapsed time is unknown.
 
     >>> noon = MachineTime(boot="a", up_s=100.0, wall_s=43200.0)
     >>> elapsed_s(noon, MachineTime(boot="a", up_s=160.0, wall_s=42060.0))  # the clock was set back

@@ -72,7 +72,7 @@ class Outcome(StrEnum):
     NOT_FIRED = "not_fired"
     """It surely did not come out, and never will."""
     INDETERMINATE = "indeterminate"
-    """Nobody knows: neither a stimulus nor a miss."""
+    """The outcome is unknown: the trial is neither a stimulus nor a miss."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,22 +185,22 @@ class Delivery:
     outcome : Outcome
         INDETERMINATE is neither a stimulus nor a miss: leave the trial out and repeat it.
     token : int
-        Of the burst.
+        Token of the burst.
     boot_id : int
-        Power cycle of the device that answered. NOT_FIRED is said for this power cycle: whoever
-        armed the token in another one takes it as INDETERMINATE.
+        Power cycle of the device that answered. NOT_FIRED holds for this power cycle only; treat it
+        as INDETERMINATE if the token was armed in another one.
     device_us : int or None
         Onset on the device's clock in microseconds; None if NOT_FIRED.
     host_before_s, host_after_s : float
-        Host clock readings in seconds between which the burst began; unless FIRED, between which
-        the device was asked.
+        Host clock readings in seconds between which the burst began. Unless FIRED, the request and
+        its answer lie between them.
     uncertainty_s : float
-        Half of that interval plus what the clocks add to it.
+        Half of that interval plus the uncertainty of the clocks.
     retries : int
-        How often the question had to be sent again.
+        How often the request was repeated.
     levels_vpp : tuple of float
-        Level of each channel that the device really set, in peak-to-peak volts, 0 for a channel
-        whose waveform is zero throughout; empty unless FIRED.
+        Level that the device set on each channel, in peak-to-peak volts; 0 for a channel whose
+        waveform is zero throughout. Empty unless FIRED.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """The drivers by name: what each needs, how it is made, and whether an emulator answers it.
 
-Beside the built-in ones there are those of a lab's own, see `device.installed`.
+A lab can add drivers to the built-in ones, see `device.installed`.
 """
 
 from __future__ import annotations

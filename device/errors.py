@@ -1,4 +1,4 @@
-"""Why a device did not do what it was asked: refusals by number, and what else goes wrong."""
+"""Errors of devices: numbered refusals, and failures of the link or the hardware."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class DeviceError(Exception):
 
 
 class LinkError(DeviceError):
-    """The device cannot be reached, or it is no longer the one that was opened.
+    """The device cannot be reached, or another device or power cycle answers.
 
     Examples
     --------

@@ -53,7 +53,7 @@ class Installed:
                 f"{self.name} of {self.distribution} must be a factory that can be called; got "
                 f"{self.entry.value}, a {type(factory).__name__}"
             )
-        return factory  # type: ignore[no-any-return] # only a call can tell more
+        return factory  # type: ignore[no-any-return] # only a call can check its signature
 
     def make(self, settings: object, clock: object, base: type) -> Any:
         """Call the factory; ValueError if it fails, or returns no instance of the base class."""
@@ -117,10 +117,10 @@ def shadowed(group: str, name: str) -> str:
 
 
 def lookup(group: str, name: str, built_in: tuple[str, ...]) -> Installed:
-    """Return what is offered by a name.
+    """Return the entry point that a distribution installs under a name.
 
-    ValueError with the names that there are; also where two offer it, for nobody could tell which
-    of them drove a session.
+    An unknown name is a ValueError that lists the available ones. So is a name that two
+    distributions install, because the record could not state which of them drove a session.
 
     >>> lookup("tactstrip.nothing", "lab", ("mock",))
     Traceback (most recent call last):

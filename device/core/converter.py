@@ -32,19 +32,19 @@ _ATTRIBUTES: Final = ("name", "serial_number", "sample_rate_hz", "bits", "full_s
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Played:
-    """What a converter knows of a burst that it was asked to play.
+    """What a converter reports after playing a burst.
 
     Attributes
     ----------
     outcome : Outcome
-        FIRED only if the burst surely came out as a whole, NOT_FIRED only if surely nothing did.
+        FIRED only if the whole burst certainly came out, NOT_FIRED only if certainly nothing did.
     onset_s : float or None
-        When it began, on the host's clock; None: after `play` was called, and its duration before
-        `play` returned.
+        Onset on the host's clock. If None, the burst began after the call of `play` and ended
+        before `play` returned.
     uncertainty_s : float
         Half-width of the interval around `onset_s`.
     levels_vpp : tuple of float or None
-        Level of each channel that was really set; None: as asked for.
+        Level that each channel really had; None if the required levels were set.
 
     Examples
     --------
@@ -59,38 +59,39 @@ class Played:
 
 
 class Converter(ABC):
-    """What turns samples into volts at actuators: a card, an instrument, a program.
+    """Hardware or a program that turns samples into volts at the actuators.
 
-    A subclass sets the attributes, at the latest in `connect` those that only the hardware knows,
-    and has the four abstract methods. The other three are for hardware that stores waveforms or
-    switches its outputs.
+    A subclass sets the attributes and implements the four abstract methods. It sets attributes that
+    only the hardware knows in `connect`. The other three methods are for hardware that stores
+    waveforms or switches its outputs.
 
     Attributes
     ----------
     name : str
-        Its model.
+        Model.
     serial_number : str
-        Tells it from others of its model.
+        Serial number, which distinguishes two converters of one model.
     sample_rate_hz : float
         Rate at which it plays.
     bits : int
         Resolution of its converters.
     full_scale_v : float
-        Volts at the actuator, to both sides, of its largest sample: measured, behind the amplifier.
+        Volts at the actuator for a sample of 1, measured behind the amplifier; -1 gives as many
+        volts below zero.
     emulated : bool
         Whether no actuator can move.
     cannot : tuple of str
-        What it cannot promise, each to be read after "it cannot"; shown before a session.
+        What it cannot guarantee; each text continues "it cannot" and is shown before a session.
     channels : int
-        Number of its outputs.
+        Number of outputs.
     protocol : str
-        What it is spoken to by.
+        Name of the protocol or interface by which the computer controls it.
     longest_waveform : int
-        In samples.
+        Longest waveform, in samples.
 
     Examples
     --------
-    `converter_device` makes a device around one; docs/own-device.md has it in 40 lines:
+    `converter_device` makes a device of a converter; docs/own-device.md has an example of 40 lines:
 
     >>> from device import Converter, Outcome, Played
     >>> class Silent(Converter):
@@ -257,7 +258,7 @@ class HostedCore(LocalCore):
         except DeviceError:
             self.stop()
             raise
-        self._advance()  # a stop that was asked for meanwhile, by another thread, has the last word
+        self._advance()  # a stop that another thread requested meanwhile takes precedence
 
     def _select(self, message: Arm) -> None:
         try:
@@ -323,16 +324,16 @@ class ConverterDevice(HostDriver):
 
 
 def converter_device(converter: Converter, *, limits: Limits, clock: Clock) -> ConverterDevice:
-    """Return a device around what plays waveforms: the whole contract, exactly once.
+    """Return a device that plays its bursts through a converter, each of them exactly once.
 
     Parameters
     ----------
     converter : Converter
-        What plays; nothing is opened yet.
+        The converter; nothing is opened yet.
     limits : Limits
-        Of the study; the ceiling is also that of the converter's full scale.
+        Limits of the study. The ceiling is at most what the converter's full scale gives.
     clock : Clock
-        The host's.
+        Clock of the host.
 
     Returns
     -------
@@ -346,7 +347,7 @@ def converter_device(converter: Converter, *, limits: Limits, clock: Clock) -> C
 
     Examples
     --------
-    A burst is played once, however often it is asked for:
+    A burst is played once, however often it is fired:
 
     >>> import numpy as np
     >>> from device import Converter, Limits, Outcome, Played, VirtualClock

@@ -51,8 +51,8 @@ from device.limits import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-# Five beats may be lost before the outputs go off, so that a busy host is not taken for a dead one;
-# longer must no actuator be driven that nobody watches. The time runs whatever else arrives:
+# Five beats may be lost before the outputs go off, so that a busy host is not taken for a dead one.
+# No actuator may be driven for longer without supervision. The time runs whatever else arrives:
 # questions are no beats, for a host that hangs in a loop of them is dead to its operator too.
 WATCHDOG_US = round(WATCHDOG_S * 1e6)
 """Without a beat for this long while the output is on, the device stops itself."""

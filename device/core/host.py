@@ -146,7 +146,7 @@ class HostDriver(BurstDevice):
         try:
             self._link.exchange(Levels(levels_mvpp=(0,) * device.channels))
         except DeviceError:
-            self._link.hang_up()  # else nobody closes it: an open that failed is no open device
+            self._link.hang_up()  # the caller cannot close a device that failed to open
             raise
         self._levels_mvpp = (0,) * identity.channels
         return identity
@@ -268,7 +268,7 @@ class HostDriver(BurstDevice):
 
     @property
     def _restarted(self) -> bool:
-        """True if the device is no longer in the power cycle that was opened."""
+        """True if the device restarted since it was opened."""
         return self._identity is not None and self._identity.boot_id != self._link.boot_id
 
     def _require_open(self) -> Identity:

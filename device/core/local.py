@@ -58,7 +58,7 @@ class LocalCore:
         return self._core.boot_id
 
     def exchange(self, message: Message[Reply]) -> Exchange[Reply]:
-        """Give a message to the core; its answer, also a refusal, tells the core's state."""
+        """Pass a message to the core; its answer, or its refusal, reports the core's state."""
         before_s = self._clock.now_s()
         record = self._take(message)
         return self._exchange(record, before_s, self._clock.now_s(), self._core.now_us)

@@ -81,10 +81,9 @@ def to_microseconds(time_to_live_s: float) -> int:
 def to_codes(samples: ArrayLike, bits: int) -> CodeArray:
     """Return the converter codes of samples in [-1, 1], a row for each channel.
 
-    They are rounded toward zero. Full scale is 2**(bits - 1) - 1 to both sides, so that codes are
-    symmetric about zero and no code stands for more than its sample. Samples that no code stands
-    for are refused with NOT_FINITE or OUT_OF_RANGE; what is no table of real numbers is a
-    ValueError.
+    Codes are rounded toward zero, so that none exceeds its sample. Full scale is 2**(bits - 1) - 1
+    in both directions, which makes the codes symmetric about zero. Samples that have no code are
+    refused with NOT_FINITE or OUT_OF_RANGE; anything but a table of real numbers is a ValueError.
 
     >>> to_codes([[0.0, 1.0, -1.0, 0.5]], bits=16).tolist()
     [[0, 32767, -32767, 16383]]

@@ -1,6 +1,6 @@
-"""What a device tells of itself: its limits, its amplifier's health, and what it measured.
+"""What a device reports: its limits, the health of its amplifier, and its measurements.
 
-Whole numbers throughout, as they travel; None stands for what a device does not know.
+All numbers are whole, as they are transmitted; None is a value that the device does not know.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Entropy(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceLimits:
-    """What a device is ready to do, beside what its identity says of ceiling and waveforms.
+    """Limits of a device, other than the ceiling and the waveforms, which its identity states.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class DeviceLimits:
 
     @classmethod
     def of(cls, limits: Limits, about: About) -> Self:
-        """Return what a device with these limits tells.
+        """Return the report of a device that has these limits.
 
         >>> from device.limits import Limits
         >>> DeviceLimits.of(Limits(ceiling_vpp=200.0), About()).max_duty_ppm
@@ -83,7 +83,7 @@ class DeviceLimits:
         )
 
     def __str__(self) -> str:
-        """Tell in one line what of it a lab may run into."""
+        """Summarize in one line the limits that a study may reach."""
         return (
             f"{self.firmware or 'no firmware named'}, {self.slots} slots of "
             f"{self.memory_samples} samples together, rest {self.least_interval_us / 1e3:g} ms, "
@@ -129,19 +129,19 @@ class Health:
 
     @classmethod
     def of_bits(cls, *, reported_bits: int, set_bits: int) -> Self:
-        """Return the health that two bytes tell; bits that are not named here are passed over.
+        """Return the health that two bytes encode; other bits than those below are ignored.
 
         Parameters
         ----------
         reported_bits : int
-            Bits of what the device reports: 0 amplifier, 1 switch, 2 over-current.
+            Bits that the device reports: 0 amplifier, 1 switch, 2 over-current.
         set_bits : int
-            Bits of what is so.
+            Values of these bits.
 
         Returns
         -------
         Health
-            With None for each bit that is not known.
+            None for each bit that the device does not report.
 
         Examples
         --------

@@ -51,10 +51,9 @@ class Step(StrEnum):
     STOP = "stop"
 
 
-# LOAD and LEVEL stand here even where they change no state: while a token is
-# armed or plays they are illegal, lest something else is felt than was armed. STOP stands in every
-# state, and out of SAFE leads ENABLE alone: nothing that comes late or by itself may switch an
-# output on.
+# LOAD and LEVEL are listed even where they change no state, because they are illegal while a token
+# is armed or playing: the participant must feel what was armed. STOP is legal in every state. Only
+# ENABLE leaves SAFE, so that no late or spurious message can switch an output on.
 TRANSITIONS = {
     (State.IDLE, Step.LOAD): State.LOADED,
     (State.IDLE, Step.LEVEL): State.IDLE,

@@ -56,7 +56,7 @@ class Record:
 
     @classmethod
     def unknown(cls, token: int) -> Record:
-        """Return the record of a token of which nobody knows whether it fired.
+        """Return the record of a token that may or may not have fired.
 
         >>> Record.unknown(7).outcome.value
         'indeterminate'

@@ -41,11 +41,11 @@ _QUIET: Final = (State.IDLE, State.LOADED, State.SAFE)
 class Truth:
     """A truth file.
 
-    A burst stands in it from its onset, before any answer reports it; one that was cut short gets
-    a line of its own for that.
+    The line of a burst is written at its onset, before any answer reports it. A burst that is cut
+    short gets a second line.
 
-    With `volts` each burst carries its samples: volts as base64 of little-endian float64, channel
-    by channel.
+    With `volts`, each burst has its samples in volts, channel by channel: little-endian float64 as
+    base64.
 
     >>> import sys
     >>> Truth(sys.stdout).note(0.5, "boot", boot_id=7)

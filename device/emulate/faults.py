@@ -140,7 +140,7 @@ class Faults:
         return pieces
 
     def cut_off(self) -> bool:
-        """Tell, once, that the line has carried as many bytes as it was to carry."""
+        """Return, once, whether the line has carried the bytes after which it fails."""
         if self._room > 0:
             return False
         self._room = math.inf

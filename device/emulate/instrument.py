@@ -38,8 +38,7 @@ ARB_EXISTS: Final = '+786,"Specified arb waveform already exists"'
 class ChannelState:
     """The settings of one channel, as they are after ``*RST``.
 
-    Volts are what stands on the display: at the terminals of an open circuit they are twice that
-    unless `load` is infinite.
+    Volts are those on the display. Unless `load` is infinite, an open circuit gets twice as many.
     """
 
     load: float = _MATCHED_OHM
@@ -128,7 +127,7 @@ class ChannelState:
 _LONGEST: Final = 2**22
 _SIZES: Final = b"|".join(rb"%d[0-9]{%d}" % (n_digits, n_digits) for n_digits in range(1, 10))
 _BLOCK: Final = re.compile(rb"#(?:%b)" % _SIZES)
-"""What stands before the content of a block: the number of digits of its size, and the size."""
+"""The header of a block: the number of digits of its size, then its size."""
 _TEXT: Final = re.compile(rb"""(?:"[^"\n]*"?|[^;\n"#]|(?!%b)#)*""" % _BLOCK.pattern)
 """A unit up to a block or its end; neither a block nor an end is in quotes."""
 
@@ -137,8 +136,8 @@ _TEXT: Final = re.compile(rb"""(?:"[^"\n]*"?|[^;\n"#]|(?!%b)#)*""" % _BLOCK.patt
 class Unit:
     """One command or question.
 
-    The header has no leading colon, and a question's ends in ``?``; of a block the argument is what
-    stands before it and `data` its content.
+    The header has no leading colon; that of a question ends in ``?``. If there is a block, `data`
+    is its content, and the argument is the text before it.
     """
 
     header: str

@@ -1,4 +1,4 @@
-"""The inputs of a sound card as a monitor: of the one that drives, or of one beside any driver."""
+"""The inputs of a sound card as a monitor: the card that drives, or an additional one."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ MIN_QUIET_S: Final = 0.02
 SEARCHED_S: Final = 0.1
 """So long after its time a burst is waited for."""
 MAX_DELAY_S: Final = 0.3
-"""As long as a sound server's delay may be, where nobody has measured it."""
+"""Longest delay of a sound server that is allowed for if it has not been measured."""
 _TIMEOUT_S: Final = 1.0
 _SETTLES_S: Final = 10.0
 """A sound server has been seen to need 3.5 s, on an idle machine."""
@@ -44,16 +44,16 @@ _LIMIT: Final = 32766 / _FULL
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """What a record's numbers stand for.
+    """Calibration of a record.
 
     Attributes
     ----------
     per_unit : tuple of float
-        Of each channel at the tap, in its unit, for the record's full scale; less than 0 where a
+        Value of each channel at the tap, in its unit, at the record's full scale; below 0 if the
         channel is inverted.
     delay_s : tuple of float or None
-        Of each channel from the onset that the driver reports to the one that is heard; None where
-        nobody has measured it, so that no burst is called early or late.
+        Delay of each channel from the onset that the driver reports to the recorded one. None if it
+        has not been measured; then no burst is judged early or late.
     """
 
     per_unit: tuple[float, ...]
@@ -114,10 +114,10 @@ class InputMonitor:
         return self.tap.unseen + (_NO_ONSET if self._calibration.delay_s is None else "")
 
     def open(self) -> None:
-        """Open the inputs, also anew; the driver's own are open. Wait until they run steadily.
+        """Open or reopen the inputs, unless the driver has opened them, and wait until they settle.
 
-        Opened again after a burst that was not verified, a stream has lost the delay that it got
-        where a sound server tore it.
+        A sound server that interrupts a stream may delay it from then on. Reopening the stream
+        after a burst that was not verified removes that delay.
         """
         self._over = 0
         self._recorder.release()
@@ -144,7 +144,7 @@ class InputMonitor:
             self._stream = None
 
     def begin(self, token: int, planned: Planned) -> None:
-        """Note where the record stands."""
+        """Note the position of the record."""
         self._recorder.release()
         self._first = self._recorder.frames
         self._gaps = self._recorder.gaps

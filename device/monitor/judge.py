@@ -37,10 +37,10 @@ def judge(
     late_s: Sequence[float] | None,
     sample_rate_hz: float,
 ) -> tuple[tuple[Fault, ...], str]:
-    """Return in which ways a burst was another one, and why that cannot be judged; empty if not.
+    """Return the faults of a burst, and why it cannot be judged; empty if it can.
 
-    `late_s` are those of the channels; None where nobody knows when they were due. An overloaded
-    input is a fault however strong the noise is.
+    `late_s` has the delay of each channel, None where the planned onset is unknown. An overloaded
+    input is a fault at any noise level.
     """
     rms, sized = Template(planned.shape).rms, tap is not Tap.MOTION
     faults = [Fault.CLIPPED] if any(match.overloaded for match in matches) else []
@@ -108,7 +108,7 @@ def _channel_faults(
     stray = max((ratio for peak, _, _, ratio in channels if not peak), default=0.0)
     min_ratio = stray / 2 if tap is Tap.MOTION else tolerances.silence
     if driven < min_ratio and stray >= tolerances.silence:
-        return [Fault.SWAPPED]  # where all play the same, or none does, nobody can tell them apart
+        return [Fault.SWAPPED]  # undetectable where all channels play the same, or none does
     for peak, full, match, ratio in channels:
         if not peak:
             if ratio >= _min_sound(match, full, tolerances.silence):

@@ -24,7 +24,7 @@ _TOP: Final = 0.9
 _COVERS_95: Final = 2.1
 """Standard deviations; a little over 1.96, as the noise itself is an estimate."""
 MIN_QUIET: Final = 8
-"""So many shapes long must a quiet part be: from fewer nobody can tell a figure's noise."""
+"""Shortest quiet part, in lengths of the shape; a shorter one gives no estimate of the noise."""
 _FEW_95: Final = 1.21
 _FEW_SURE: Final = 3.31
 """Student's t with n degrees of freedom is wider than a normal deviate z by 1 + (z^2 + 1) / 4n: at
@@ -42,38 +42,40 @@ _MIN_NOISE: Final = 2.0**-16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TemplateMatch:
-    """What a record of one channel holds of a burst, in the record's unit and in its frames.
+    """The fit of the planned shape to the record of one channel, in the record's unit and frames.
 
-    The defaults are those of a burst that was measured without noise, at its time and alone.
+    The defaults describe a burst that was recorded without noise, on time, and alone.
 
     Attributes
     ----------
     amplitude, amplitude_sd : float
-        By which the shape fits best, and the standard deviation that noise gives it.
+        Amplitude of the best fit, and its standard deviation due to noise.
     tops : tuple of tuple of float
-        The amplitude of the samples at its top alone, less than `amplitude` of a clipped burst,
-        and the standard deviation of the difference: of all its tops, and of those of one sign.
+        Amplitude from the samples at the peaks alone, which is smaller than `amplitude` if the
+        burst is clipped, and the standard deviation of the difference: for all peaks, and for those
+        of each sign.
     onset : float
-        Frame at which it begins, counted from the end of the quiet part.
+        Frame of the onset, counted from the end of the quiet part.
     onset_uncertainty : float
-        Frames by which the onset is known with 95 %, half-width.
+        Half-width of the 95 % interval of the onset, in frames.
     correlation, correlation_sd : float
-        With the shape, of what is left when the noise's energy is taken off; 1 for a scaled copy.
+        Correlation with the shape, corrected for the energy of the noise; 1 for a scaled copy. Then
+        its standard deviation.
     inverted : bool
-        Turned upside down it fits somewhere better, where noise does not decide between the two.
+        The inverted shape fits better somewhere, by more than noise explains.
     largest : float
-        Largest magnitude with which the shape fits anywhere, the burst included.
+        Largest magnitude of the fitted shape anywhere in the record, including the burst.
     loudest, beside : float
-        Amplitude of a burst of the energy that is there beside a straight line, in a stretch as
-        long as one, where it is clear of the noise's, else 0: anywhere, and clear of the burst.
+        Amplitude of a burst with the largest energy in any stretch as long as one, after a straight
+        line is removed: anywhere in the record, and outside the burst. 0 if noise explains it.
     second : float
-        Largest magnitude with which the shape fits in what remains without the burst.
+        Largest magnitude of the fitted shape after the burst is subtracted.
     second_at : float
-        Frames from the onset to there.
+        Frames from the onset to that fit.
     noise_rms : float
-        Of the quiet part.
+        Root mean square of the quiet part.
     overloaded : bool
-        Samples in a row lie at the record's limit.
+        Consecutive samples lie at the record's limit.
     """
 
     amplitude: float
@@ -246,9 +248,10 @@ def _spread(quiet: FloatArray, noise: float, weights: FloatArray) -> float:
 
 
 def _of_tops(here: FloatArray) -> Iterator[FloatArray]:
-    """Yield the weights that tell the amplitude by the samples at a shape's tops alone.
+    """Yield the weights that estimate the amplitude from the samples at a shape's peaks alone.
 
-    Of all, then of either sign: a supply that is too low on one side clips only there.
+    The first are for all peaks, then those of each sign: a supply that is too low on one side clips
+    only there.
     """
     high = np.where(np.abs(here) >= _TOP * np.max(np.abs(here)), np.sign(here), 0.0)
     for sign in (high, np.maximum(high, 0.0), np.minimum(high, 0.0)):

@@ -1,7 +1,7 @@
-"""What a monitor saw of a burst, beside what was planned.
+"""What a monitor measured of a burst, compared with the planned burst.
 
-A tap is the point between converter and finger at which a burst is measured; what lies behind stays
-unseen.
+A tap is the point between converter and finger at which a burst is measured. The monitor cannot see
+anything behind it.
 """
 
 from __future__ import annotations
@@ -124,30 +124,31 @@ class Measured:
     Attributes
     ----------
     token : int
-        Of the burst.
+        Token of the burst.
     tap : Tap
-        Where.
+        Where it was measured.
     source : str
-        By what, in a few words.
+        What measured it, in a few words.
     peaks : tuple of float or None
-        Of each channel, in the tap's unit; None where nothing was measured.
+        Peak of each channel, in the tap's unit; None if nothing was measured.
     onset_s, onset_uncertainty_s : float or None
-        When it came out on the host's clock, and by how much that is known with 95 %; None where
-        no burst was found.
+        Onset on the host's clock, and the half-width of its 95 % interval; None if the record holds
+        no burst.
     late_s : float or None
-        How much later it came out than planned.
+        Delay of the onset from the planned one.
     correlations : tuple of float or None
-        Of each channel with the planned shape, None of a silent one; None as `peaks`.
+        Correlation of each channel with the planned shape, None for a silent channel; None if
+        nothing was measured.
     noise : tuple of float or None
-        Effective value of each channel's noise, in the tap's unit.
+        Root mean square of each channel's noise, in the tap's unit.
     faults : tuple of Fault
-        In which ways it was another one than planned, so that the trial does not count.
+        Differences from the planned burst that void the trial.
     noted : tuple of Fault
-        The same, where the tap does not tell enough for that.
+        Differences that are only noted, because the tap shows too little to void the trial.
     unmeasured : str
-        Why nothing can be said; empty where something can.
+        Why the burst could not be judged; empty if it could.
     blank : bool
-        No channel was to sound: silence says nothing of the way to the finger.
+        No channel was planned to sound, so that silence does not verify the path to the finger.
     """
 
     token: int
@@ -166,9 +167,9 @@ class Measured:
 
     @property
     def verified(self) -> str | None:
-        """Return the tap's word, or ``false`` where it was another burst or was not measured.
+        """Return the name of the tap, or ``false`` if the burst differs or was not measured.
 
-        None where nothing was to be heard, and nothing was: a dead line would tell the same.
+        A blank in which nothing was heard gives None, because a dead line would be as silent.
 
         >>> Measured(token=1, tap=Tap.LINE, source="test").verified
         'line'

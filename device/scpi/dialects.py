@@ -50,7 +50,7 @@ class Dialect:
     volts_digits: int  # after the point, with which volts are written
     reset: tuple[str, ...]  # into a known state: outputs off, every error forgotten
     channel_load: tuple[str, ...]  # first commands for each channel: what its voltages mean
-    store: str  # stands before the binary block of an upload
+    store: str  # precedes the binary block of an upload
     channel_setup: tuple[str, ...]  # for each channel, once a silent waveform is stored
     channel_readings: tuple[ReadBack, ...]  # what each channel is then asked
     select: tuple[str, ...]  # before each burst, for each channel

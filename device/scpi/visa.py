@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from device.clock import Clock
 
 SCHEME: Final = "visa:"
-"""What stands before the name of a VISA resource."""
+"""Prefix of the name of a VISA resource."""
 
 _REMEDY: Final = installing("visa")
 _LIBRARY: Final = "PYVISA_LIBRARY"
@@ -84,7 +84,7 @@ class VisaChannel:
         while (left_s := until_s - self._clock.now_s()) > 0.0:
             if not self._gives_way:
                 return self._answer(left_s)
-            with self._next:  # whoever waits to write goes first
+            with self._next:  # a thread that waits to write goes first
                 pass
             with self._turn:
                 answer = self._answer(min(left_s, _TURN_S))

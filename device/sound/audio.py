@@ -34,13 +34,14 @@ CANNOT: Final = (
     "bring its outputs to zero when the sound system hangs",
     "hold a ceiling of its own: a mixer's volume changes what full scale is",
     "cut short what the sound card was given already",
-    "notice every gap: a sound system may lose frames and not tell",
+    "notice every gap: a sound system may lose frames without reporting it",
 )
-"""What no sound card can promise."""
+"""What no sound card can guarantee."""
 UNMEASURED: Final = (
-    "tell the onset better than the sound system states its latency: no loopback measured it"
+    "time the onset more precisely than the sound system states its latency: no loopback "
+    "measured it"
 )
-"""What none can promise that does not hear itself."""
+"""What a sound card cannot guarantee without a loopback."""
 
 _POLL_S: Final = 0.001
 _MAX_DELAY_S: Final = 2.0
@@ -88,7 +89,7 @@ class AudioConverter(Converter):
         self.renew()
 
     def renew(self) -> None:
-        """Open the stream anew, with the delay that one has when it begins."""
+        """Reopen the stream, which restores the delay of a new stream."""
         self.disconnect()
         self._player.frames = 0
         if self._recorder is not None:
@@ -102,7 +103,7 @@ class AudioConverter(Converter):
             self._stream = None
 
     def switch_on(self) -> None:
-        """Play what is asked for from now on, if the stream lives."""
+        """Unmute the output, if the stream is open."""
         self._require_stream()
         self._player.mute(on=False)
 
@@ -166,10 +167,9 @@ def audio_device(
 ) -> ConverterDevice:
     """Return the driver of a sound card; nothing is opened yet.
 
-    The port is the sound card's name, or a part of it that no other has, as `sounddevice` lists
-    them. `volts_full_scale` is a measured calibration: volts at the actuator, to both sides, for
-    the largest sample. With a recorder the card's inputs are opened beside its outputs, as one
-    stream.
+    The port is the sound card's name as `sounddevice` lists it, or a part that no other card has.
+    `volts_full_scale` is a measured calibration: the volts at the actuator for a sample of 1. With
+    a recorder, the card's inputs and outputs are opened as one stream.
 
     >>> from device.clock import VirtualClock
     >>> from device.limits import Limits

@@ -111,7 +111,7 @@ class Player(Counter):
         self._muted = True
 
     def mute(self, *, on: bool) -> None:
-        """Play zeros from the next buffer on, whatever else is asked for; or no longer."""
+        """Play zeros from the next buffer on instead of any burst; or play bursts again."""
         self._muted = on
 
     def play(self, frames: Frames, latency_s: float) -> SoundBurst:

@@ -70,7 +70,7 @@ class Recorder:
         self.restart()
 
     def restart(self) -> None:
-        """Count anew: a stream is opened."""
+        """Count the frames from zero, for a stream that is opened."""
         self.opened += 1
         self.latency_s = 0.0
         self.frames = self.first = 0
@@ -99,7 +99,7 @@ class Recorder:
         )
 
     def hold(self, first: int) -> None:
-        """Keep what comes from a frame on, and no more than fits in, until it is held anew."""
+        """Keep the frames from this one on, as many as fit in, until the next call."""
         self._held_from = first
 
     def release(self) -> None:
@@ -138,10 +138,10 @@ class Recorder:
         return taken
 
     def time_of(self, frame: float) -> tuple[float, float]:
-        """Return when a frame was heard on the host's clock, and by how much that is known.
+        """Return when a frame was recorded on the host's clock, and the 95 % half-width.
 
-        It is a half-width of 95 %: what the sound system's word of its inputs' latency varies by,
-        the drift of the two clocks included, and the latency itself, as nobody has measured it.
+        The half-width is the variation of the input latency that the sound system states, which
+        includes the drift of the two clocks, plus that latency itself, which is not measured.
         """
         times_s = [at_s + (frame - first) / self.sample_rate_hz for first, at_s, _ in self._marks]
         if not times_s:

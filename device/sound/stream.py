@@ -141,7 +141,7 @@ def _started(kind: str, card: str, needed: str, **settings: Any) -> Any:
 
 
 def _sound_card_error(card: str, step: str, error: Exception, needed: str) -> SoundCardError:
-    """Take over the error number, which PortAudio's errors carry beside their message."""
+    """Take over the error number, which PortAudio's errors carry in addition to their message."""
     code = next((value for value in error.args[1:2] if isinstance(value, int)), None)
     hint = f"; it must have {needed}" if code == INVALID_CHANNEL_COUNT else ""
     return SoundCardError(card=card, step=step, reason=f"{error}{hint}", code=code)
@@ -190,10 +190,10 @@ def in_a_thread(act: Callable[[], _Result]) -> Future[_Result]:
 
 @contextlib.contextmanager
 def stderr_kept() -> Iterator[None]:
-    """Have standard error as before in the end.
+    """Restore standard error at the end.
 
-    sounddevice turns it away while PortAudio looks for sound cards; if that hangs, nobody would
-    read why the program ends.
+    sounddevice redirects it while PortAudio looks for sound cards. If that hangs, the message that
+    ends the program would be lost.
     """
     try:
         kept = os.dup(_STDERR)

@@ -34,18 +34,18 @@ _LONGEST_EXCHANGE_BITS: Final = 10 * (104 + 2 * 19)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LineSettings:
-    """What a line is like, and how long is waited on it.
+    """Settings of a line and its timeouts.
 
     Parameters
     ----------
     baud : int
-        Rate of the port, or of the slowest piece of wire behind it; USB and sockets have none.
+        Rate of the port, or of the slowest line behind it; USB and sockets have none.
     dtr : bool
-        Whether the line DTR is raised when a port is opened, which starts some boards anew.
+        Whether the line DTR is raised when a port is opened, which restarts some boards.
     open_timeout_s : float
-        How long a device may take to give its first answer, once its port is open.
+        How long a device may take to give its first answer after its port is open.
     response_timeout_s : float
-        How long any other question is asked again before it is given up.
+        How long any other question is repeated before the device counts as silent.
 
     Raises
     ------

@@ -113,7 +113,7 @@ class Endpoint:
         return 0 < (frame.sequence - self._newest) & 0xFFFF < _HALF_TURN
 
     def _stop(self, now_us: int, frame: Frame) -> bytes:
-        """Stop, whoever asks; no question from before may undo it, however late it comes."""
+        """Stop at the request of any host; no earlier request undoes it, however late it comes."""
         self.core.take(now_us, Stop())
         if self._is_newer(frame) and self._is_meant(frame, Stop()):
             self._newest = frame.sequence

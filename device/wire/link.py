@@ -152,7 +152,7 @@ class FrameLink:
                 return self._done(message)
 
     def _fire(self, message: Fire) -> Exchange[Record]:
-        """Send FIRE; without an answer DISARM and QUERY, and without that say that nobody knows."""
+        """Send FIRE; if it is not answered, DISARM and QUERY; else the outcome is unknown."""
         boot_id, before_s = self.boot_id, self._clock.now_s()
         query = Query(token=message.token)
         try:
@@ -167,8 +167,8 @@ class FrameLink:
                 fired = self._done(query, boot_id)
             except (UnansweredError, RestartedError, Rejected):
                 return self._unknown(message.token, before_s)
-        # A question that had to be sent again took long, and would date an onset no better. The
-        # device dates it by its own clock, so that any later exchange tells it, too.
+        # A request that was repeated took long and gives a wide interval for the onset. The device
+        # dates the onset by its own clock, so that a later exchange gives a narrower one.
         if self.requests.retries > self._retries_before:
             with contextlib.suppress(DeviceError):
                 fired = min(fired, self._done(query, boot_id), key=_width_s)

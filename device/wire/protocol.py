@@ -109,7 +109,7 @@ class Field(NamedTuple):
     is_repeated: bool = False
 
     def value(self, name: str, number: Any) -> Any:
-        """Return what a number stands for, or refuse it with BAD_MESSAGE."""
+        """Return the value that a number encodes, or refuse it with BAD_MESSAGE."""
         try:
             return self.read(number)
         except IndexError:
@@ -149,7 +149,7 @@ MINOR: Final = Field("B", lambda text: int(text.partition(".")[2]), lambda n: f"
 TEXT: Final = _text("16s")
 LONG_TEXT: Final = _text("32s")
 REST: Final = Field("B", read=bytes, is_repeated=True)
-"""All bytes that are left; beside no other repeated field."""
+"""All remaining bytes; a layout with this field has no other repeated field."""
 EACH_U16: Final = Field("H", read=tuple, is_repeated=True)
 EACH_U32: Final = Field("I", read=tuple, is_repeated=True)
 """A number for each channel."""
@@ -248,7 +248,7 @@ IDENTITY: Final = Layout[Any](
     model=TEXT,
     serial_number=TEXT,
 )
-"""An `Identity` but for its boot id, which stands in the head of the answer."""
+"""An `Identity` without its boot id, which the header of the answer holds."""
 GREETING: Final = Layout(Greeting, nonce=U64, identity=REST)
 
 

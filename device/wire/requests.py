@@ -150,8 +150,8 @@ class RequestChannel:
     ) -> AnswerPayload:
         """Send a question until its answer comes; also a refusal reports state and power cycle.
 
-        A stop from another thread may overtake a question, which the device does not do then. It
-        is asked anew, except to switch on what was just stopped.
+        If a stop from another thread overtakes a question, the device does not act on the question.
+        The question is then repeated, unless it would switch on what was just stopped.
         """
         for _ in range(_MAX_STALE):
             if not isinstance(message, Hello):
