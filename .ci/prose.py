@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 PACKAGES: Final = ("stimuli", "device", "experiment", "analysis")
-CHECKED: Final = ("stimuli", "device")
+CHECKED: Final = ("stimuli", "device", "analysis")
 """Packages whose docstrings and messages must be free of banned words."""
 MAX_WORDS: Final = 35
 MAX_MEAN_WORDS: Final = 20

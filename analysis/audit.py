@@ -1,6 +1,6 @@
-"""Whether a printed table of smallest, mean and largest proportions is arithmetically possible.
+"""Check whether a printed table of smallest, mean and largest proportions is possible.
 
-A printed number stands for an exact range, which depends on how it was shortened. A row is possible
+A printed number represents an exact range, which depends on how it was rounded. A row is possible
 if participants exist whose values give its three numbers. Formulas: docs/statistics.md, section 10.
 """
 

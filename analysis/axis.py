@@ -138,7 +138,7 @@ class Axis:
 
     @property
     def label(self) -> str:
-        """What stands at the axis of a figure behind the level.
+        """The unit in the axis label of a figure.
 
         >>> Axis().label, Axis(x_scale="linear", unit="cm/s").label, axis_of({"unit": "V"}).label
         ('V peak-to-peak', 'cm/s', 'V')

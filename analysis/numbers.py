@@ -32,7 +32,7 @@ def rounded(value: float, spread: float) -> str:
 
 
 def half_up(value: float, decimals: int) -> str:
-    """Return a number as it is read, rounded half up, wherever it is told: 9 of 240 is 0.038.
+    """Return a number as every report prints it, rounded half up: 9 of 240 is 0.038.
 
     >>> half_up(9 / 240, 3), half_up(100 * (9 / 240), 1), half_up(1, 3), half_up(-0.0001, 3)
     ('0.038', '3.8', '1.000', '-0.000')
@@ -97,8 +97,9 @@ def with_limits(
 def spread_of(low: float, at: float, high: float, levels: Sequence[float]) -> float:
     """Return the spread by which a level and its limits are rounded.
 
-    It is the distance of those that are told. Of levels above 0 it is at most the least of them,
-    so that none is rounded to 0; with both limits open it is at most the tested range.
+    It is the distance between the smallest and the largest of them that are finite. For levels
+    above 0 it is at most the smallest one, so that none is rounded to 0. If both limits are open,
+    it is at most the tested range.
 
     >>> spread_of(74.0, 81.0, 88.0, [60, 200]), spread_of(0.125, 0.25, 8.0, [0.1, 9])
     (14.0, 0.125)

@@ -42,7 +42,7 @@ def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
     write_new(target, text.encode(), DISK)
     instruction = f"fill in {', '.join(fill_in)}" if fill_in else "check its guesses"
     arguments = shlex.join(map(str, tables))
-    # Results are written beside the raw data, not among them.
+    # Results are written next to the folder of the raw data, not into it.
     is_here = any(table.is_dir() and table.samefile(".") for table in tables)
     out = " --out ../analysis" if is_here else ""
     for note in notes:

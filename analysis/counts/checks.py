@@ -40,7 +40,7 @@ REVERSED_P: Final = 1e-3
 CHANCE_P: Final = 0.05
 DRIFT_P: Final = 1e-3
 MIN_STIMULI: Final = 20
-"""With fewer stimuli nobody is said to be at chance."""
+"""With fewer stimuli, no participant is reported to be at chance."""
 MIN_DRIFT_STEPS: Final = 3.0
 """The smallest drift within a session that is reported, in dB; eighths of the range on a linear
 axis."""
@@ -317,7 +317,7 @@ def sides_differ(counts: pd.DataFrame) -> pd.DataFrame:
 
 
 INTERLEAVED, ALTERNATED = "interleaved", "alternated"
-"""What stands for a condition where trials, or else blocks, of both conditions take turns."""
+"""Names in place of that of a condition, if conditions alternate by trials, or by blocks."""
 _MIN_BLOCK: Final = 4
 """Conditions alternate by blocks where at least half of the runs are as long."""
 

@@ -25,8 +25,8 @@ INFORMATION_COLUMNS: Final = (
 )
 _DRAWS: Final = 2_000
 _PRIOR_ANSWERS: Final = 2.0
-"""Answers, spread evenly over a row, by which a table is smoothed before tables are drawn from it:
-without them, whoever never errs would have an interval without width."""
+"""Answers added to each row, spread evenly, before tables are drawn from it. Without them, the
+interval of a participant who never errs would have no width."""
 _PERCENTILES: Final = (2.5, 97.5)
 
 
@@ -54,7 +54,7 @@ def information_transfer(counts: ArrayLike, *, seed: int = 0) -> InformationTran
     counts : array_like of int, shape (S, A)
         How often each of S stimuli was answered by each of A answers.
     seed : int
-        Of the bootstrap.
+        Seed of the bootstrap.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def information_transfer(counts: ArrayLike, *, seed: int = 0) -> InformationTran
 
     Examples
     --------
-    Two stimuli that are always told apart carry one bit, as far as 40 trials can show:
+    Two stimuli that are never confused carry one bit, as far as 40 trials can show:
 
     >>> information_transfer([[20, 0], [0, 20]])._asdict()
     {'bits': 1.0, 'low': 0.73..., 'high': 1.0}

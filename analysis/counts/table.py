@@ -110,7 +110,7 @@ def count_answers(trials: pd.DataFrame) -> pd.DataFrame:
     require_columns(trials, NEEDED)
     chosen = trials[trials["reason"].eq("") & trials["kind"].isin(COUNTED_KINDS)]
     types = dict.fromkeys(_KEY, object) | {"level_vpp": float}
-    # Where nobody knows whether "none" could be answered, it was not.
+    # If it is unknown whether "none" could be answered, it counts as not offered.
     offered = chosen["none_offered"].astype("boolean").fillna(value=False).astype(bool)
     keys = chosen[_KEY].astype(types).assign(none_offered=offered)
     task = task_of(trials)
@@ -204,8 +204,8 @@ def count_correct(counts: pd.DataFrame, reference_vpp: float | None = None) -> p
     """Return `count_levels` by the correct answer, in a column ``side``.
 
     ``detected`` are correct answers then, and ``mislocalised`` those that would be correct to
-    another single stimulus. Beside a reference, the correct answer depends on the level, and trials
-    at the reference have none.
+    another single stimulus. In a comparison with a reference, the correct answer depends on the
+    level, and trials at the reference have none.
     """
     singles = task_of(counts).of_kind(SINGLE)
     rows = counts[counts["kind"].eq(SINGLE)]
@@ -214,7 +214,7 @@ def count_correct(counts: pd.DataFrame, reference_vpp: float | None = None) -> p
         rows = rows[rows["level_vpp"].ne(reference_vpp)]
         below = rows["side"].map({shown.name: shown.correct_below for shown in singles})
         correct = correct[rows.index].mask(rows["level_vpp"].lt(reference_vpp), below)
-    # A presentation at any site that has this correct answer stands for all of them.
+    # One presentation with this correct answer represents those at all sites.
     alike = {shown.correct: shown.name for shown in reversed(singles)}
     rows = rows.assign(side=correct.map(alike), answer=correct)
     is_wrong = rows["response"].isin([*alike]) & rows["response"].ne(rows["answer"])
@@ -338,11 +338,11 @@ def count_detected_any(cells: pd.DataFrame) -> pd.DataFrame | None:
 def count_both(counts: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
     """Count trials with a stimulus at every site, noticed only by the answer that names them all.
 
-    Columns ``participant noticed presented p low high group_low group_high`` and a column ``_only``
-    for each site, the last row `TOTAL`: there ``low`` and ``high`` ignore that participants differ,
-    and ``group_low`` and ``group_high`` are `group_interval`, NaN in other rows. With more than one
-    condition among the trials that count, a column ``condition`` stands in front and each has its
-    last row.
+    Columns are ``participant noticed presented p low high group_low group_high``, and a column
+    ``_only`` for each site. The last row is `TOTAL`: its ``low`` and ``high`` ignore that
+    participants differ, and its ``group_low`` and ``group_high`` are `group_interval`, NaN in other
+    rows. If the trials that count have more than one condition, the first column is ``condition``,
+    and each condition has such a last row.
 
     >>> trials = pd.DataFrame({"participant": ["1", "2"], "condition": "main", "kind": "both",
     ...     "side": "both", "level_vpp": 60.0, "response": ["both", "left"], "reason": "",
@@ -457,10 +457,10 @@ BEFORE, AFTER = "before", "after"
 def hands_off_table(trials: pd.DataFrame) -> pd.DataFrame:
     """Count the answers to hands-off trials; none of them is in any other table.
 
-    Columns ``participant part side``, one for each response, ``presented``: for each participant,
-    then for `TOTAL`, a row for each part (`BEFORE` practice, `AFTER` the task) and side of the
-    plate that was driven.
-    With several conditions a column ``condition`` stands in front, each with its own totals.
+    Columns are ``participant part side``, one for each response, and ``presented``. Each
+    participant, then `TOTAL`, has a row for each part (`BEFORE` practice, `AFTER` the task) and for
+    each driven side of the plate. If there are several conditions, the first column is
+    ``condition``, and each condition has its own totals.
 
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "block": [-1, 2],
     ...     "kind": "hands_off", "side": "left", "response": ["none", "left"], "fault": ""})
@@ -481,7 +481,7 @@ def hands_off_table(trials: pd.DataFrame) -> pd.DataFrame:
 
 
 def is_correct(rows: pd.DataFrame) -> pd.Series[bool]:
-    """Return which answers are correct; beside a reference, as the table says it."""
+    """Return which answers are correct; in a comparison with a reference, as the table states."""
     task = task_of(rows)
     if task.has_reference:
         return rows["correct"].astype("boolean").fillna(value=False).astype(bool)

@@ -91,7 +91,7 @@ def _errors_db(study: Study, folder: SessionFolder) -> Iterator[tuple[int, float
 
 
 def format_rules(table: pd.DataFrame) -> Sequence[str]:
-    """Return the table as lines: rules below one another, numbers of trials beside one another."""
+    """Return the table as lines, a row for each rule and a column for each number of trials."""
     errors = table.pivot_table("rms_db", "rule", "trials", sort=False)
     return [
         f"{'trials at each finger':<22}" + "".join(f"{trials:>6}" for trials in errors),

@@ -118,7 +118,7 @@ def _draw_answers(
 ) -> Integers:
     """Draw answers to trials with shifted thresholds: positions in the responses.
 
-    The position after the last response stands for no answer in time.
+    The position after the last response means that there was no answer in time.
     """
     design = sessions[0].designs[0]
     # (presentations, intervals, sites) of a level of 0 V and of 1 V

@@ -32,7 +32,7 @@ DETECTED: Final = Column(
     type="str",
     optional=True,
     choices=(NO, YES, *(word for word in RESPONSES if word not in LEFT_RIGHT_BOTH.answer_names)),
-    description="whether the stimulus was felt, in tables that do not tell the side answered",
+    description="whether the stimulus was felt, in tables that do not state the side answered",
 )
 UNANSWERED: Final = Column(
     name="unanswered",
@@ -204,16 +204,16 @@ class CellReader:
         detected = "timeout" if is_nothing else "..."
         silent = "0" if self.minimum is None else "-inf"
         remedies = {
-            f'a map says what it stands for: [values.detected] {key} = "{detected}"': (
+            f'translate it in the column map: [values.detected] {key} = "{detected}"': (
                 self.column == DETECTED and text
             ),
-            'with [file] decimal = ",", a point is no part of a number': (
+            'with [file] decimal = ",", a number has no decimal point': (
                 is_number and self.decimal == "," and "." in text
             ),
-            'where commas are decimal, a map says [file] decimal = ","': (
+            'if commas are decimal, set [file] decimal = "," in the column map': (
                 is_number and self.decimal == "." and _COMMA.fullmatch(text)
             ),
-            f'if these are blank trials, a map says [values.level_vpp] {key} = "{silent}"': is_word,
+            f'if these are blank trials, set [values.level_vpp] {key} = "{silent}"': is_word,
         }
         return next((f"; {remedy}" for remedy, holds in remedies.items() if holds), "")
 

@@ -208,7 +208,7 @@ def propose_map(sources: Sequence[InputTable]) -> tuple[str, list[str], list[str
     if skipped := len(table) - len(draft.rows):
         names = ", ".join(map(one_line, chain(*filters)))
         draft.notes.append(f"{skipped} of {len(table)} rows skipped by [rows] {names}")
-    # in the order of the reference; what words of a column mean stands in a section each
+    # in the order of the reference; the words of each column have a section of their own
     sections = sorted(draft.entries.items(), key=lambda item: _ORDER.index(item[0].split(".")[0]))
     entries = [entry for _, section in sections for entry in section.items()]
     fill_in = [format_key(key) for key, (_, comment) in entries if comment.startswith(FILL_IN)]

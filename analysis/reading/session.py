@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 _MAX_TABLE_BYTES: Final = 500_000_000
-_BESIDE_PLAN: Final = "tactstrip reads a table of other sites beside its plan.json only"
+_BESIDE_PLAN: Final = "tactstrip reads a table of other sites only next to its plan.json"
 _EXPORTED_SUFFIX: Final = ".tsv"
 _EXPORTED: Final = TextFormat(delimiter="\t")
 """How `tactstrip export --bids` writes events."""
@@ -98,25 +98,25 @@ class SessionProgress:
     plan: Plan  # without its trials, which fill the memory
     planned: int  # trials of the plan, without the warm-up after a resume
     valid: int = 0  # of these, those with a valid attempt
-    unexported: int  # trials in the journal beside the table that the table lacks
+    unexported: int  # trials in the journal that the table lacks
     measured: tuple[MeasuredRow, ...] = field(repr=False)  # by a monitor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SessionRecord:
-    """A table, and what lies beside it.
+    """A table, and what is known of its session.
 
     Attributes
     ----------
     inputs : tuple of InputFile
-        The table, and the plan where there is one that can be trusted.
+        The table, and its plan if there is one that can be trusted.
     progress : SessionProgress or None
-        How far that plan came, but for the rows of the table.
+        How far the session came in that plan, without the rows of the table.
     compared : bool
-        Whether there is a journal, so that the table was compared with it.
+        Whether the table was compared with a journal.
     altered : tuple of str
-        Where the session is not as it was recorded, a line each. Empty unless that is accepted, but
-        for a journal that was removed: a table without one is taken, and marked.
+        Differences from the recorded session, a line each. They are empty unless modified sessions
+        are accepted. The exception is a removed journal: its table is always read, and marked.
     """
 
     inputs: tuple[InputFile, ...]
@@ -128,16 +128,17 @@ class SessionRecord:
 def read_record(
     table: InputTable, *, accept_altered: bool
 ) -> tuple[SessionRecord, bytes, Plan | None]:
-    """Read a table and what lies beside it.
+    """Read a table and the files of its session.
 
-    Returns the contents of the table, too, and the plan by which its rows are to be checked. A
-    table is read once, so that what is analyzed is what was compared and has the checksum.
+    Also returns the contents of the table, and the plan by which its rows are to be checked. A
+    table is read once, so that the analysis uses the bytes that were compared and checksummed.
 
-    A journal is replayed by its plan, so that a table that equals it keeps to the plan already. A
-    table of another name beside a journal is taken for a copy, and compared like trials.csv.
+    A journal is replayed by its plan, so that a table that equals it agrees with the plan already.
+    A table of another name in the folder of a journal counts as a copy of trials.csv, and is
+    compared like it.
 
     Raises ResultFileError for a session of another version of this program, and for the first
-    difference from what was recorded, unless that is accepted.
+    difference from the recorded session unless modified sessions are accepted.
     """
     path = table.path
     if path.is_symlink() and (target := path.resolve()).with_name(JOURNAL).is_file():
@@ -181,14 +182,14 @@ def read_record(
 
 
 def _refuse_differences(differences: Sequence[Difference], action: str) -> None:
-    """Refuse the first difference; name what accepts all of them, and what mends them."""
+    """Refuse the first difference; name the option that accepts all, and the remedy."""
     if not differences:
         return
     first, *others = differences
     more = f" (and {len(others)} more; tactstrip verify DIR names all)" if others else ""
     remedy = {each.remedy for each in differences}
     restore = "; restore it from a copy" * (None in remedy)
-    export = ", tactstrip export DIR builds it anew from the journal" * (remedy == {"export"})
+    export = ", tactstrip export DIR rebuilds it from the journal" * (remedy == {"export"})
     accept = f"tactstrip analyze --accept-altered {action}, with a mark{export}"
     message = f"{first.message}{first.hint}{more}{restore}; {accept}"
     raise ResultFileError(first.path, first.line, message)

@@ -124,7 +124,7 @@ def _list_folder(
     for session in sessions.folders:
         table = session / TABLE
         refuse_link(table)
-        if table in session.iterdir():  # fails where nobody can know, unlike `Path.exists`
+        if table in session.iterdir():  # fails in an unreadable folder, unlike `Path.exists`
             tables.append(table)
         else:
             absent[table] = None

@@ -69,7 +69,7 @@ MIN_MEDIAN_RT_S, MAX_MEDIAN_RT_S = 0.01, 10.0
 COMPARISON: Final = "comparison"
 """What no column map has: two stimuli are compared, one of them the reference."""
 _BATCH_ROWS: Final = 8_192
-_BY_PLAN: Final = "by the plan beside the table"
+_BY_PLAN: Final = "by the plan of the session"
 _WORDS: Final = ("side", "response")
 """The columns whose words are those of the task."""
 _TASK_OF_SCORING: Final[Mapping[Scoring, str]] = {
@@ -87,9 +87,9 @@ _DECIMAL: Final = re.compile(r"\d+(\.0*)?", re.ASCII)
 _MIN_SAME_TRIALS: Final = 10
 _MIN_BLANKS, _MAX_FALSE_ALARMS = 10, 0.5
 _REPEATED: Final = (
-    '; where trials are numbered anew in each block, the map needs [columns] trial = ""; '
-    f'where files are sessions, session = "{FILE}", or participant = "{FILE}" '
-    f"where they are of several people; [rows.skip] {FILE} leaves out a run that was begun anew"
+    '; if each block numbers its trials from 1, set [columns] trial = "" in the column map; '
+    f'if each file is a session, set session = "{FILE}"; if each file is a participant, '
+    f'participant = "{FILE}"; [rows.skip] {FILE} leaves out a run that was restarted'
 )
 UNANSWERED: Final = "unanswered"
 """Reason of a trial without an answer in a choice between intervals or sites."""
@@ -104,47 +104,47 @@ class LoadedTrials:
     Attributes
     ----------
     trials : pandas.DataFrame
-        As `read_trials` returns them.
+        The trials, as `read_trials` returns them.
     paths : tuple of Path
         The tables that were read.
     inputs : tuple of InputFile
-        These, their plans and the map, in the order of their names.
+        The tables, their plans and the map, in the order of their names.
     without_table : mapping of str to str
-        Session folders that hold no trials.csv, and what can be done.
+        Session folders that hold no trials.csv, and the remedy for each.
     progress : tuple of SessionProgress
-        Of each session that has a plan, how far it came.
+        The progress of each session that has a plan.
     axis : Axis
-        What the levels are.
+        Quantity, unit and scale of the levels.
     altered : mapping of str to tuple of str
-        By the path of its table, where a session is not as it was recorded, a line each.
+        Differences of a session from its record, a line each, by the path of its table.
     lost : mapping of str to tuple of str
-        Sessions of which no table is left, though the record or other files name them: why.
+        Sessions that the record or other files name, but that have no table: the reasons.
     not_compared : tuple of str
-        Names of the tables that have no journal beside them.
+        Names of the tables that were not compared with a journal, because there is none.
     alternatives : int or None
-        Of a forced choice, as a map states them; None where the task of sessions has them.
+        Alternatives of a forced choice, as a map states them; None if the task of the sessions
+        defines them.
     task : str
-        What the map states, as `ColumnMap.task`, or what the task of sessions is called there.
+        The task that the map states, as `ColumnMap.task`, or its equivalent for sessions.
     session_task : Task
-        The task of the sessions; external tables are put into the words of left-right-both.
+        The task of the sessions; external tables are translated into left-right-both.
     cells : pandas.DataFrame or None
-        Of a table of counts, its cells as `analysis.reading.foreign.sum_counts` gives them; there
-        are no trials then.
+        Cells of a table of counts, as `analysis.reading.foreign.sum_counts` returns them; such a
+        table has no trials.
     blanks : pandas.DataFrame or None
-        The same of its blank presentations.
+        Cells of its blank presentations.
     warnings : tuple of tuple
-        What an external table may mean otherwise than its map has it: the code and the data of each
-        warning.
+        The code and the data of each warning that the map may misread an external table.
     left_out : int
         Rows that a map leaves out.
     left_out_files : int
         Files that a map leaves out by their names; their rows are not counted.
     left_out_by : str
-        The keys of the map that leave out rows and, of several, how many each.
+        The keys of the map that leave out rows; if there are several, with the rows of each.
     numbered : bool
-        Whether the tables number their trials; the order of their rows is no order of trials.
+        Whether the tables number their trials; the order of rows is not the order of trials.
     side_told : bool
-        Whether the tables have a side; false where a map states one for all rows.
+        Whether the tables have a side; false if a map states one for all rows.
 
     Examples
     --------
@@ -185,35 +185,38 @@ class LoadedTrials:
 
 
 def read_trials(paths: Sequence[str | Path], columns: ColumnMap | None = None) -> pd.DataFrame:
-    """Read result files as one table of trials, or refuse them.
+    """Read result files into one table of trials.
 
     Parameters
     ----------
     paths : sequence of str or Path
-        CSV files, or folders: of a folder all its ``sub-*/ses-*/trials.csv`` are read, of a
-        ``sub-*`` or ``ses-*`` folder what lies below it. Nothing else in a folder is read.
+        CSV files or folders. In a folder, all ``sub-*/ses-*/trials.csv`` are read; in a ``sub-*``
+        or ``ses-*`` folder, those below it. Nothing else in a folder is read.
     columns : ColumnMap, optional
-        What the columns are called in external tables.
+        Names of the columns in external tables.
 
     Returns
     -------
     pandas.DataFrame
-        One row per trial. The columns of `experiment.COLUMNS`: text for identifiers, categoricals
-        for words, int64, float64 (NaN where there is no value), bool, nullable boolean for
-        ``correct`` and ``noise_ok``. ``level_vpp`` is NaN where there is no stimulus. Then ``file``
-        and ``line``, where the row stands, ``task`` and ``sites``, the name of the task whose words
-        a row has and its sites between slashes, and ``none_offered``, whether "none" could be
-        answered: by the plan beside the file; without one true where the map says yes or no, or
-        anybody gave this answer in the same condition of the same study; else unknown. ``reason``,
-        why the trial does not count, is empty text where it does; ``fault`` is what is amiss with
-        it whatever its kind.
+        One row per trial. It has the columns of `experiment.COLUMNS`: text for identifiers,
+        categoricals for words, int64, float64 (NaN for a missing value), bool, and nullable boolean
+        for ``correct`` and ``noise_ok``. ``level_vpp`` is NaN if there is no stimulus. Further
+        columns:
+
+        - ``file`` and ``line``: the position of the row.
+        - ``task`` and ``sites``: the name of the task, and its sites separated by slashes.
+        - ``none_offered``: whether "none" could be answered, by the plan of the session. Without a
+          plan it is true if the map states yes or no, or if a participant gave this answer in the
+          same condition of the same study; else unknown.
+        - ``reason``: why the trial does not count; empty if it counts.
+        - ``fault``: a fault of the trial, whatever its kind.
 
     Raises
     ------
     ResultFileError
-        For everything that is not a well-formed table of trials; nothing is returned then.
+        If a file is not a well-formed table of trials.
     ValueError
-        For a map with a section ``[table]``: counts are no trials.
+        If the map has a section ``[table]``, because counts are not trials.
 
     Examples
     --------
@@ -430,7 +433,7 @@ def _readers(task: Task) -> tuple[CellReader, ...]:
 
 
 def _refuse_words(texts: pd.DataFrame, task: Task) -> None:
-    """Refuse the first word of another task: which task a table is of, only its plan says."""
+    """Refuse the first word of another task, because only a plan states the task of a table."""
     tasks = [make_task(name) for name in TASKS]
     for name in _WORDS:
         words, *others = (
@@ -440,7 +443,7 @@ def _refuse_words(texts: pd.DataFrame, task: Task) -> None:
         is_foreign = texts[name].isin(set().union(*others) - words)
         message = (
             f"column '{name}' holds {_first_cell(texts[name], is_foreign)}, a word of another task "
-            f"than {task.name}; tactstrip reads a table of another task beside its plan.json only"
+            f"than {task.name}; tactstrip reads a table of another task only next to its plan.json"
         )
         refuse_first(texts, is_foreign, message)
 
@@ -529,7 +532,7 @@ def has_stimulus(rows: pd.DataFrame, task: Task) -> pd.Series[bool]:
 
 
 def _with_verdicts(rows: pd.DataFrame, task: Task) -> pd.DataFrame:
-    """Fill in ``correct``; return the columns of trials.csv, where a row stands, and the task."""
+    """Fill in ``correct``; return the columns of trials.csv, the position of rows, and the task."""
     rows["correct"] = rows["correct"].astype("boolean").fillna(expected_correct(rows, task))
     rows = rows[[*(column.name for column in columns_of(task)), "file", "line"]]
     return with_task(rows, task)
@@ -599,7 +602,7 @@ def _refuse_broken(rows: pd.DataFrame, rules: Iterable[_Rule], columns: ColumnMa
 
 
 def _first_cell(values: pd.Series[Any], broken: pd.Series[bool]) -> str:
-    """Return what stands in the first row that breaks a rule, if one does."""
+    """Return the value in the first row that breaks a rule, if there is one."""
     if not broken.any():
         return ""
     value = values.astype(object)[cast("int", broken.idxmax())]  # plain values of Python
@@ -607,7 +610,7 @@ def _first_cell(values: pd.Series[Any], broken: pd.Series[bool]) -> str:
 
 
 def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule]:
-    """Yield what the plan says of each row of a table beside which there is no journal."""
+    """Yield the rules by which a plan checks each row of a table that has no journal."""
     task = next(iter(plans.values())).task
     of_trial, of_plan = attrgetter("number", *_OF_TRIAL), attrgetter(*_OF_PLAN)
     trials = [
@@ -644,7 +647,7 @@ def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule
 
 
 def _name_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
-    """Yield how many values columns may have, and that nobody is called as the row of totals."""
+    """Yield the most values of columns, and that no participant has the name of the totals."""
     for name, (maximum, plural) in _LIMITS.items():
         codes, _ = pd.factorize(rows[name])  # counted in the order of the rows
         is_beyond = pd.Series(codes >= maximum, index=rows.index)
@@ -676,9 +679,9 @@ def _trial_rules(rows: pd.DataFrame, columns: ColumnMap, task: Task) -> Iterator
         is_named = response.isin(LEFT_RIGHT_BOTH.sites)
         names = sorted({*response[is_named].astype(object)})
         remedy = (
-            ", for [constant] side gives all stimuli this site, but answers name "
-            f"{' and '.join(names)}; name the column of the site in [columns] side or, if only "
-            "felt or not was asked, map detected instead of response"
+            ", because [constant] side gives all stimuli this site, but answers name "
+            f"{' and '.join(names)}; name the column of the site in [columns] side or, if "
+            "participants only answered felt or not felt, map detected instead of response"
         )
         yield _Rule("response", site, is_named & response.ne(site) & (len(names) > 1), remedy)
 
@@ -701,7 +704,7 @@ def _level_rules(
 
 
 def _time_rules(trials: pd.DataFrame, columns: ColumnMap) -> Iterator[_Rule]:
-    """Yield that medians are of seconds; beside a plan, its response window says more."""
+    """Yield that medians are in seconds; a plan has a closer rule, its response window."""
     median_s = trials.groupby("participant")["rt_s"].transform("median").round(6)
     odd = ~median_s.between(MIN_MEDIAN_RT_S, MAX_MEDIAN_RT_S) & trials["rt_s"].ge(median_s)
     unit = columns.units.get("rt_s", "s")
@@ -714,7 +717,7 @@ def _time_rules(trials: pd.DataFrame, columns: ColumnMap) -> Iterator[_Rule]:
 
 
 def _repeat_rules(trials: pd.DataFrame) -> Iterator[_Rule]:
-    """Yield that no trial stands twice; practice may, as warm-up after every resume."""
+    """Yield that no trial occurs twice, except practice, which is warm-up after every resume."""
     must = "another than for the same participant, session and attempt"
     yield _repeat_rule("trial", must, trials, _KEY, _REPEATED)
     valid = trials[trials["status"].eq("ok") & trials["kind"].ne(PRACTICE)]

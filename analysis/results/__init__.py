@@ -1,1 +1,1 @@
-"""What an analysis tells: tables, terminal, files, report."""
+"""Results of an analysis: tables, terminal output, files and the report."""

@@ -152,7 +152,7 @@ class Analysis:
 
     @cached_property
     def plans(self) -> Planned:
-        """The studies in the plans beside the tables."""
+        """The studies in the plans of the sessions."""
         return read_studies(self.loaded.progress)
 
     @property
@@ -346,7 +346,7 @@ def analyse(
 
 
 def _require_real(trials: pd.DataFrame) -> None:
-    """Refuse simulated trials beside real ones, and people on a device that moves nothing."""
+    """Refuse to mix simulated and real trials, and people on a device that moves nothing."""
     is_simulated = trials["simulated"]
     for message, is_refused in (
         ("a simulated trial, and others are real", is_simulated & (not is_simulated.all())),

@@ -114,28 +114,28 @@ def save(
 ) -> None:
     """Write the files of an analysis into a folder; those of an earlier analysis are replaced.
 
-    They are written into a temporary folder in it and moved when all of them are complete. A file
-    of an earlier analysis that this one does not have is removed, so that none tells of older data;
-    so is the temporary folder of an analysis that was killed.
+    They are written into a temporary folder inside the folder, and moved when all are complete.
+    Files of an earlier analysis that this one does not write are removed, so that no file describes
+    older data. The temporary folder of an analysis that was killed is removed, too.
 
     Parameters
     ----------
     analysis : Analysis
-        What came out.
+        The analysis.
     out_dir : Path
-        The folder; made where it does not exist.
+        The folder; it is made if it does not exist.
     read : iterable of Path
         The files that were analysed.
     style : Style, optional
-        How figures look; None writes none.
+        Style of the figures; None writes none.
 
     Raises
     ------
     ValueError
-        Where `out_dir` is not a folder, or has under one of `NAMES` a folder, a file that was
-        analysed, or any file without the manifest of an earlier analysis beside it.
+        If `out_dir` is not a folder, or if it has one of `NAMES` that must not be replaced: a
+        folder, a file that was analysed, or any file if the manifest of an analysis is missing.
     OSError
-        Where the folder cannot be written; no file in it has changed then.
+        If the folder cannot be written; no file in it has changed then.
     """
     _check_target(out_dir, read)
     made_here = not out_dir.exists()
@@ -219,7 +219,7 @@ def _contents(analysis: Analysis, style: Style | None) -> Iterator[tuple[str, by
 
 
 def _marks(trials: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
-    """Return by what rows are told apart where trials are of several sorts, a column for each.
+    """Return the columns that distinguish rows if there are several kinds of trials.
 
     The rows are the participants in each condition, and `TOTAL` for all of them.
     """

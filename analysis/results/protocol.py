@@ -81,7 +81,7 @@ def _quantities(analysis: Analysis) -> pd.DataFrame:
 
 
 def measured_bursts(rows: Iterable[MeasuredRow], sites: tuple[str, ...]) -> pd.DataFrame:
-    """Return the peaks that a monitor measured beside the planned ones."""
+    """Return the measured and the planned peaks."""
     columns = [*_MEASURED, "at_sites", "peaks"]
     attributes = [*(MEASURED_COLUMNS[name] for name in _MEASURED), "measured.planned"]
     cells = attrgetter(*attributes, "measured.peaks")
@@ -119,7 +119,7 @@ def _keys(studies: Mapping[tuple[str, tuple[str, ...]], Study]) -> pd.DataFrame:
             section, key = path.rsplit(".", 1)
             name, _, index = section.rstrip("]").partition("[")
             table = values[name][int(index)] if index else values[name]
-            if key != "source":  # it stands beside the values that it is of
+            if key != "source":  # the source has a column of its own
                 row = {"key": path, "value": format_value(table[key])}
                 rows.append(row | {"source": table.get("source") or ""})
     if not rows:

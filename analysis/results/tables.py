@@ -81,7 +81,7 @@ def make_tables(name: str, frame: pd.DataFrame, analysis: Analysis) -> Iterator[
 
 
 def _columns(layout: Mapping[str, str], analysis: Analysis) -> Iterator[tuple[str, str]]:
-    """Yield headings and cells; ``{answer}`` in both stands for each answer of the task."""
+    """Yield headings and cells; ``{answer}`` in both is replaced by each answer of the task."""
     for heading, cell in layout.items():
         for answer in analysis.task.answer_names if "{answer}" in heading else ("",):
             name = "nothing" if answer == "none" else answer

@@ -203,7 +203,8 @@ def compare_conditions(
 def difference_of(a: Tables, b: Tables, *, same_people: bool) -> ConditionDifference:
     """Return the difference of two conditions on a logarithmic axis.
 
-    Levels of one condition alone have no threshold, and a person's likewise.
+    The status is ``one_level`` if a condition has only one level for every person. That of a person
+    is ``one_level`` if they had only one level in either condition.
     """
     several_a, several_b = a.several_levels(), b.several_levels()
     one_level = Difference(status="one_level")
@@ -287,12 +288,12 @@ def difference_spread_draws(a: Tables, b: Tables, number: int, rng: np.random.Ge
 def _difference_curves(
     people_a: Sequence[Likelihood], people_b: Sequence[Likelihood], prior: Prior
 ) -> tuple[list[Curve], list[Curve]]:
-    """Return each person's likelihood of d, alone and as one of the group.
+    """Return each person's likelihood of d, alone and as a member of the group.
 
-    log sigma has the density that the tables of all others imply, N(S, omega) as in a group:
-    otherwise tables that leave sigma open would have the tails of the steepest and flattest
-    functions. Likewise has mu_a + mu_b of one of the group, which matters for people whose
-    thresholds lie near an end of the levels or beyond.
+    The density of log sigma is the one that the tables of all others imply, N(S, omega) as in a
+    group. Otherwise tables that leave sigma open would have the tails of the steepest and flattest
+    functions. For a member of the group, the density of mu_a + mu_b is chosen in the same way. This
+    matters for people whose thresholds lie near an end of the levels or outside.
     """
     people = [*people_a, *people_b]
     of_width = [

@@ -180,9 +180,10 @@ def fit_many(tables: Tables, *, likeliest: bool = False) -> tuple[PsychometricFi
 def within_levels(low: float, high: float, prior: Prior, axis: Axis) -> tuple[float, float]:
     """Return limits in the levels' unit: outside the levels they are open, or no closer than these.
 
-    An upper limit below the levels states that the threshold lies there. Of people exactly at the
-    lowest level it does so in 3 % of sessions, and 0.1 dB below in 2 %. A closer one is therefore
-    given as just inside, and likewise at the highest level.
+    An upper limit below the levels states that the threshold lies there. For people whose threshold
+    is exactly the lowest level, it lies below in 3 % of sessions, and more than 0.1 dB below in
+    2 %. A limit within that distance is therefore given as just inside the levels. The same holds
+    at the highest level.
 
     >>> from analysis.axis import Axis
     >>> from analysis.thresholds.function import Prior
@@ -202,10 +203,10 @@ def within_levels(low: float, high: float, prior: Prior, axis: Axis) -> tuple[fl
 def status_of(x: Floats, k: Floats, n: Floats, mu: Sequence[float], prior: Prior) -> FitStatus:
     """Return the status of one table, or of many people's counts pooled: the first line that holds.
 
-    `mu` are the limits and the median of the threshold. A table that does not rise is "flat",
-    unless it can hardly be but the upper end of a function that rises below its levels: then the
-    threshold lies there. At the lower end there is no such line, as answers at chance may have
-    other reasons than levels that are too low.
+    `mu` are the limits and the median of the threshold. A table that does not rise is "flat". The
+    exception is a table that is almost certainly the upper end of a function that rises below its
+    levels; then the threshold lies there. There is no such exception at the lower end, because
+    answers at chance may have other reasons than levels that are too low.
     """
     z = trend(x, k, n)
     falling, flat = float(ndtr(z)) < _MAX_TREND_P, float(ndtr(-z)) >= _MAX_TREND_P

@@ -75,16 +75,17 @@ class GroupFit:
     Attributes
     ----------
     status : str
-        As of `PsychometricFit`, of the pooled table and the group's median; ``flat`` and
-        ``decreasing`` only where nobody's table rises, ``one_level`` where nobody had two levels.
+        Status as in `PsychometricFit`, of the pooled table and the group's median. It is ``flat``
+        or ``decreasing`` only if no participant's table rises, and ``one_level`` only if no
+        participant had two levels.
     threshold : float
-        Middle of the people's thresholds, posterior median, in the levels' unit; NaN where the
+        Posterior median of the center of the people's thresholds, in the levels' unit; NaN if the
         status has none.
     threshold_limits : tuple of float
-        95 % equal-tailed limits; outside the tested levels an end is open, -inf or inf.
+        95 % equal-tailed limits; an end outside the tested levels is open, -inf or inf.
     spread_db : float
-        Standard deviation between people, posterior median: dB, or the levels' unit on a linear
-        axis. Of fewer than five people it comes mostly from its prior.
+        Posterior median of the standard deviation between people, in dB, or in the levels' unit on
+        a linear axis. With fewer than five people it comes mostly from its prior.
     spread_limits_db : tuple of float
         Its 95 % limits.
     new_person_limits : tuple of float
@@ -94,11 +95,11 @@ class GroupFit:
     sigma_limits : tuple of float
         Its 95 % limits.
     people : tuple of PsychometricFit
-        Each person alone.
+        The fit of each person alone.
 
     Examples
     --------
-    `fit_group` returns one. The more people differ, the wider is the interval of the next person:
+    The more people differ, the wider is the interval of the next person:
 
     >>> import numpy as np
     >>> from analysis import fit_group
@@ -140,11 +141,11 @@ class Population:
         return quantiles(self.density(parameter), self.axes[parameter])
 
     def next_person_points(self) -> Floats:
-        """Return the points `POINTS` of the next person's mu: normal distributions, mixed.
+        """Return the points `POINTS` of the next person's mu, a mixture of normal distributions.
 
-        The distribution function of each cell is mixed rather than its density, as a spread may be
-        much smaller than any step between places at which a density were taken. A node of M stands
-        for all values around it.
+        The distribution function of each cell is mixed rather than its density, because a spread
+        may be much smaller than the step between points at which a density is evaluated. A node of
+        M represents all values around it.
         """
         middle, spread, log_sigma = self.axes
         weight = np.outer(trapezoid(middle), trapezoid(spread)) * (
@@ -356,7 +357,7 @@ def fit_group(
     x_scale: XScale = "log10",
     function: FunctionName = "normal",
 ) -> GroupFit:
-    """Fit the threshold of a group: mu_i ~ N(M, tau), hierarchical, without sampling.
+    """Fit the threshold of a group by a hierarchical model, mu_i ~ N(M, tau), without sampling.
 
     Equation, priors and coverage: docs/statistics.md, section 8.
 
@@ -365,12 +366,13 @@ def fit_group(
     levels : array_like, shape (levels,)
         Stimulus levels of all people; above 0 on the axis ``log10``.
     detected, presented : array_like of whole numbers, shape (people, levels)
-        Counts; presented 0 where a person has no such level.
+        Counts; set presented to 0 if a person has no such level.
     guess_rate : float, optional
-        gamma of everybody, 1/2 in forced choice of two sides; or
+        gamma of all people, for example 1/2 in forced choice between two sides. Give either this
+        or `blanks`.
     blanks : tuple of array_like, shape (people,) each, optional
-        False alarms of that side and blank trials of each person; Beta(1, 10) is assumed of who had
-        none. Exactly one of the two.
+        False alarms at that side, and blank trials of each person. Beta(1, 10) is assumed for a
+        person without blank trials.
     x_scale, function : str
         As for `fit_psychometric`.
 
@@ -385,7 +387,7 @@ def fit_group(
 
     Examples
     --------
-    Nobody is left out: the third person detected everything, and lowers the group's threshold.
+    Every person counts. The third one detected everything, and lowers the group's threshold:
 
     >>> levels, presented = [60, 85, 120, 170, 240], np.full((3, 5), 30)
     >>> two = [[16, 19, 27, 30, 30], [15, 21, 28, 30, 30]]

@@ -129,8 +129,8 @@ class GuessRate:
 def forced_guess_rate(task: Task, alternatives: int | None = None) -> GuessRate:
     """Return the guess rate of a task where "none" cannot be answered.
 
-    It is one in the number of `alternatives`, by default of the correct answers to single stimuli.
-    Beside a reference there is no guess: the comparison is judged stronger, or it is not.
+    It is 1 / `alternatives`, by default the number of correct answers to single stimuli. In a
+    comparison with a reference it is 0, because no answer counts as a guess.
 
     >>> from experiment.tasks import make_task
     >>> [round(forced_guess_rate(make_task(name)).mean, 2) for name in ("2ifc", "3ifc")]

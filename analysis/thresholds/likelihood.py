@@ -244,7 +244,7 @@ class Axes:
     lapse: Floats
     lapse_weight: Floats
     gamma: Floats
-    gamma_weight: Floats  # of the angle arcsin(sqrt(gamma)); its density comes beside
+    gamma_weight: Floats  # of the angle arcsin(sqrt(gamma)), without its density
 
     @property
     def each(self) -> tuple[Floats, Floats, Floats, Floats]:

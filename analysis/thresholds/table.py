@@ -136,10 +136,10 @@ def difference_table(
 ) -> pd.DataFrame:
     """Return by how many dB thresholds differ between every two conditions.
 
-    Where some people took part in both, these are compared, each and as a group; where nobody did,
-    the groups are. Nothing is compared on a linear axis, which has no dB. The last row of a pair is
-    the group's, ``all``. Where detection does not rise with level in either condition, by
-    `thresholds` and `groups`, there is no difference.
+    If some people took part in both, they are compared, each alone and as a group; else the two
+    groups are compared. Nothing is compared on a linear axis, which has no dB. The last row of a
+    pair is that of the group, ``all``. There is no difference if detection does not rise with level
+    in either condition, by `thresholds` and `groups`.
     """
     each = [thresholds, groups[groups["participants"].gt(1)].assign(participant=TOTAL)]
     statuses = pd.concat([table[["condition", "participant", "status"]] for table in each])

@@ -69,14 +69,14 @@ def test_each_burst_is_on_the_channel_of_its_site(
     assert lab.differences() == ()
 
 
-def test_a_table_of_other_sites_is_read_beside_its_plan_only(
+def test_a_table_of_other_sites_is_read_only_next_to_its_plan(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lab = Lab(study_at(*names(3)), tmp_path / "lab", monkeypatch)
     assert lab.begin().finished
     copy = tmp_path / "copy.csv"
     copy.write_bytes(lab.folder.trials_path.read_bytes())
-    with pytest.raises(ResultFileError, match=r"beside its plan\.json only"):
+    with pytest.raises(ResultFileError, match=r"only next to its plan\.json"):
         read_trials([copy])
     trials = read_trials([lab.folder.path])
     assert trials["level_s2_vpp"].max() == LEVEL_VPP

@@ -31,7 +31,7 @@ def plot_confusion(
 ) -> Figure:
     r"""Draw which answers were given to each stimulus: percentages and counts, by condition.
 
-    Answers that nobody gave are left out.
+    Answers that no participant gave are left out.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ _LINE_EM: Final = 1.3
 _X_LABEL_EM, _Y_LABEL_EM = 1.7, 1.0  # from an axis, and from its tick labels, to its name
 _BOTTOM_EM, _RIGHT_EM, _EDGE_EM = 3.4, 0.8, 0.4
 _LEGEND_HANDLE_EM: Final = 3.3
-# The font lacks a letter of a name: a box stands in its place, and the tables have the name.
+# If the font lacks a letter of a name, the figure shows a box, and the tables have the name.
 _MISSING_LETTER: Final = (
     "Glyph .* missing from font",
     "Matplotlib currently does not support .* natively",
@@ -268,9 +268,9 @@ def lay_out(
 
 
 def name_axes(panels: Sequence[Axes], x: str, y: str, tick_em: float = 1.4) -> None:
-    """Name the axes that panels have in common, in the middle below and beside all of them.
+    """Label the axes that panels share, centered below the panels and to their left.
 
-    A name that is wider than the panels ends where they end, clear of panels to the right.
+    A label that is wider than the panels ends where they end, clear of panels to the right.
     """
     width_em, height_em = figure_of(panels[0]).get_size_inches() / em_inches()
     corners = np.array([panel.get_position().extents for panel in panels])
@@ -358,7 +358,7 @@ def draw_points(
 def draw_bars(
     axes: Axes, at: Any, low: Any, high: Any, *, along: str = "y", lw: float = 1.0, **options: Any
 ) -> None:
-    """Draw bars along an axis; an arrow stands where one leaves the panel or is open."""
+    """Draw bars along an axis; an arrow marks an end that is open or outside the panel."""
     from matplotlib.markers import CARETDOWN, CARETLEFT, CARETRIGHT, CARETUP
 
     is_x, colour = along == "x", options.pop("colour")

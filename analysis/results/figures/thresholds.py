@@ -59,8 +59,8 @@ def plot_thresholds(
 ) -> Figure:
     r"""Draw the threshold of each participant and of the group, and differences of conditions.
 
-    Participants are sorted by threshold. Differences of two conditions stand beside the thresholds,
-    those of more conditions below them, of the group only.
+    Participants are sorted by threshold. Differences between two conditions are drawn to the right
+    of the thresholds. With more conditions, only those of the group are drawn, below them.
 
     Parameters
     ----------
