@@ -28,7 +28,7 @@ _INVISIBLE: Final = ("Cf", "Zs")
 
 
 def is_line(text: object) -> bool:
-    r"""Tell whether a value is one line of text, not blank, in any script.
+    r"""Return whether a value is one line of text, not blank, in any script.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Templates of texts, in a folder ``templates`` beside the modules that fill them in."""
+"""Templates of texts, in the folder ``templates`` of the package that fills them in."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def with_each_edge(study: Study) -> tuple[Study, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainVariant:
-    """A gain matrix that the check computes beside the plan's, and what it was computed with."""
+    """A gain matrix that the check computes in addition to the plan's, and its assumptions."""
 
     gains: ConditionGains
     loss_factor: float | None  # None where the study sets its loss
@@ -71,7 +71,7 @@ class GainVariant:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionCheck:
-    """A condition, and its burst beside the limits of strip and fingers."""
+    """A condition, and its burst compared with the limits of strip and fingers."""
 
     condition: Condition
     sites: tuple[str, ...]
@@ -151,7 +151,7 @@ class ConditionCheck:
 
     @property
     def verdict(self) -> Verdict:
-        """``accepted`` where the burst violates a limit and the study says why it is wanted."""
+        """``accepted`` if the burst violates a limit and the study states a reason for it."""
         if not self.violations:
             return "within limits"
         return "violates a limit" if self.condition.accept_violation is None else "accepted"
@@ -292,14 +292,14 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
 
 
 def require_mock_suitable(study: Study, driver: str | None = None) -> None:
-    """Refuse a study that the mock cannot play, where the mock is what plays it.
+    """Refuse a study for the mock device that the mock cannot play.
 
     Parameters
     ----------
     study : Study
         The study.
     driver : str, optional
-        Instead of the study's. Any other device is asked for itself once it is open.
+        Driver instead of the study's. Other devices than the mock are checked once they are open.
 
     Raises
     ------

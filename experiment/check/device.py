@@ -106,15 +106,15 @@ class ChannelCheck:
     Attributes
     ----------
     outcome : str or None
-        What the device says of the burst; None if the operator did not want it.
+        What the device reports of the burst; None if the operator declined it.
     read_back_vpp : float or None
-        The level that the device says it set on this channel; None if nothing was fired.
+        The level that the device reports for this channel; None if nothing was fired.
     failed : bool
-        Whether the device did something else than it was commanded, by its own report.
+        Whether the device reports that it deviated from its commands.
     seen : bool or None
-        Whether the operator saw it there and only there; None where nobody was asked.
+        Whether the operator saw the burst on this channel only; None without a question.
     good : bool
-        Whether the burst went out as it should, as far as anybody looked.
+        Whether the burst was correct, as far as it was checked.
     """
 
     side: str
@@ -178,9 +178,9 @@ def check_device(
     confirmation: Confirmation | None,
     ask: Callable[[str], bool] | None,
 ) -> DeviceCheck:
-    """Open a device, have it take every level, and play one weak burst on each channel.
+    """Open a device, set every level, and play one weak burst on each channel.
 
-    The outputs are at zero when this ends, however it ends.
+    The outputs are at zero when this function returns or raises an error.
 
     Parameters
     ----------
@@ -189,16 +189,17 @@ def check_device(
     rig : Hardware
         The device, not yet opened.
     confirmation : Confirmation or None
-        The operator's word that a real device is safe.
+        The operator's confirmation that a real device is safe.
     ask : callable or None
-        Asks the operator, before each burst and after it; None asks nobody and plays both.
+        Asks the operator before and after each burst; None plays all bursts without a question.
 
     Raises
     ------
     ValueError
-        If the device is real and nobody confirmed that it is safe; nothing was switched on.
+        If a real device was not confirmed to be safe; nothing was switched on.
     SuitabilityError
-        If sample rate, ceiling or a waveform do not go together; nothing was switched on.
+        If the device does not suit the study's sample rate, levels or waveforms; nothing was
+        switched on.
     DeviceError
         If the device refuses a step or cannot be reached.
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 BAND_FREQUENCIES: Final = 500
-"""Frequencies of a band unless told otherwise."""
+"""Default number of frequencies of a band."""
 
 _CELLS_ACROSS: Final = 50
 _CELLS_ACROSS_MOVING: Final = 12

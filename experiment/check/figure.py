@@ -264,7 +264,7 @@ def _moving_figure(motion: PlateMotion) -> tuple[Figure, Callable[[int], Sequenc
 
 
 def _draw_still(figure: Figure, over: Axes, fingers: Axes, motion: PlateMotion) -> AxesImage:
-    """Draw what stands still in all frames, and return the image of the plate at rest."""
+    """Draw what does not move, and return the image of the plate at rest."""
     from matplotlib.patches import Patch
     from matplotlib.ticker import EngFormatter
 

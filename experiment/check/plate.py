@@ -184,7 +184,7 @@ def draw_outlines(axes: Axes, plate: PlatePreview) -> None:
 
 
 def _outline() -> dict[str, Any]:
-    """Return the style of a line that stands out on light and on dark ground."""
+    """Return the style of a line that is visible on light and dark backgrounds."""
     from matplotlib.patheffects import withStroke
 
     return {"linewidth": 1.2, "path_effects": [withStroke(linewidth=2.4, foreground="black")]}

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     "with_device",
     is_flag=True,
     help="Also identify the device, test all levels, and play a burst at 10 % of the highest level "
-    "on each channel. Nobody may touch the plate during this test.",
+    "on each channel. Keep all hands off the plate during this test.",
 )
 @click.option(
     "--noise",

@@ -93,7 +93,7 @@ def field(
 
 _HEAD_BYTES: Final = 4096
 _MARKS: Final = {".csv": b"frequency_hz,", ".gif": b"GIF8", ".mp4": b"ftyp"}
-"""What stands at the head of a file that this command wrote; a picture names the program."""
+"""First bytes of the files that this command writes; a picture names the program."""
 
 
 def _check_target(out: Path, endings: tuple[str, ...]) -> None:

@@ -122,7 +122,7 @@ def _sections(values: Mapping[str, Any], disc: str | None) -> dict[str, Any]:
 
 
 def _pair(actuators: tuple[dict[str, Any], ...]) -> list[dict[str, Any]]:
-    """Return the actuator of each site: one on the command line stands for a pair at -X and X."""
+    """Return the actuator of each site; one on the command line means a pair at -X and X."""
     from experiment.tasks import SITES
 
     tables = list(actuators)
@@ -327,7 +327,8 @@ def init(
 
     FILE is study.toml, or pilot.toml with --pilot; an existing file is never overwritten. With
     --preset plate, the options from --width-mm to --ceiling-vpp describe your plate, and tactstrip
-    prompts for those that you omit. A file study.schema.json beside it lets editors complete keys.
+    prompts for those that you omit. The file study.schema.json, which is written to the same
+    folder, lets editors complete keys.
     """
     from experiment.check.report import report_text
     from experiment.study.files import study_from_text

@@ -342,7 +342,7 @@ def _plan_to_resume(
 _OMITTED: Final = frozenset(
     {"confirm_hardware", "column_values", "resuming", "resume_anyway", "seed"}
 )
-"""Options that apply only when a session begins, or that must be confirmed anew."""
+"""Options that apply only when a session begins, or that must be confirmed again."""
 
 
 def _resumed_line() -> str:

@@ -1,1 +1,1 @@
-"""What stands beside the participant: device, clock, slots of the conditions, masking noise."""
+"""Equipment of a session: device, clock, slots of the conditions, masking noise."""

@@ -67,7 +67,7 @@ class NoisePlayer(Protocol):
         """
 
     def health(self) -> NoiseHealth:
-        """Tell whether it plays now; returns at once, and touches no disk."""
+        """Return whether it plays now; returns at once, and touches no disk."""
 
     def stop(self) -> None:
         """Fall silent; from any state."""
@@ -86,7 +86,7 @@ SLACK_S: Final = 0.1
 """A call for frames may come so much later than the frames given last are used up, and elapsed time
 and that of the frames may differ by so much more than the latency over ten seconds."""
 
-# One seed for all: everybody hears the same loop, and the checksum in the header tells so.
+# One seed for all: every participant hears the same loop, as the checksum in the header shows.
 _SEED: Final = 20_250_101
 _FULL_SCALE: Final = 32_767
 _PATIENCE_S: Final = 5.0
@@ -129,7 +129,7 @@ def noise_player(masking: Masking, clock: Clock, *, is_silent: bool) -> NoisePla
 
 
 class SilentNoise:
-    """A `NoisePlayer` that plays nothing: the study has no noise, or nobody would hear it.
+    """A `NoisePlayer` that plays nothing, for studies without noise and simulated participants.
 
     Examples
     --------
@@ -197,7 +197,7 @@ class SoundCardNoise:
             raise NoiseError(f"the masking noise does not start: {self._card} takes no frames")
 
     def health(self) -> NoiseHealth:
-        """Tell whether it plays now, and has played without a gap since this was asked last."""
+        """Return whether it plays now, and has played without a gap since the last call."""
         player = self._player
         if player is None or self._stream is None:
             return NoiseHealth(ok=False, message="the noise is not playing")

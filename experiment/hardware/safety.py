@@ -77,7 +77,7 @@ def require_device(*, is_real: bool, simulated: bool, purpose: Purpose) -> None:
 
 SAFETY_CONDITIONS: Final = (
     "the amplifier's enable has a switch within the participant's and the operator's reach",
-    "a current limit stands between the amplifier and the actuators",
+    "a current limiter is installed between the amplifier and the actuators",
     "the plate is bonded to protective earth, or insulated with its leakage measured",
 )
 """What the operator confirms; docs/hardware.md says more."""

@@ -47,11 +47,11 @@ class Hardware:
     device : BurstDevice
         The device.
     clock : Clock
-        The machine's, or a virtual one for a session in which nothing and nobody is real.
+        The machine's clock, or a virtual one if device and participant are simulated.
     settings : DeviceSettings
         The study's device settings, with the driver and the port that were chosen.
     monitor : Monitor or None
-        What measures the bursts, not yet opened; none for a device that moves nothing.
+        The monitor that measures the bursts, not yet opened; None for a device that moves nothing.
     """
 
     device: BurstDevice

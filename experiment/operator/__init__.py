@@ -1,1 +1,1 @@
-"""The operator beside a session: what is shown to them, and what they ask for."""
+"""The operator of a session: the display, and the operator's requests."""

@@ -93,7 +93,7 @@ class Requests:
         self.paused = True
 
     def request_continue(self) -> None:
-        """End a pause, whoever requested it."""
+        """End a pause that the operator or the participant requested."""
         self.paused = False
         self._is_continue_requested = True
 

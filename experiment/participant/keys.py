@@ -92,7 +92,7 @@ class KeyReader:
             self._waiting.extend(self._buttons.take())
 
     def _was_held(self, press: Any) -> bool:
-        """Tell whether this is the release of a key whose press was read before."""
+        """Return whether this is the release of a key whose press was read before."""
         was_held = any(held is press for held in self._held)
         if was_held:
             self._held = [held for held in self._held if held is not press]

@@ -88,7 +88,7 @@ class Drawings:
         return drawings
 
     def _caps(self, answer: str, at: Point, width: float) -> list[Any]:
-        """Draw the keys of an answer beside one another."""
+        """Draw the keys of an answer in a row."""
         keys = self._settings.keys.meanings[answer]
         side = min(0.2 * width, 0.9 * width / len(keys))
         drawings = []

@@ -32,9 +32,9 @@ STOPPED_S = 1.5
 class ScreenResponder(Responder):
     """Asks a person in front of a PsychoPy window; a context manager that owns the window.
 
-    Keys count only while the window has the keyboard, as far as the system tells: what an operator
-    types elsewhere is no answer. A jump of the clock and an unheard key are left as notes in
-    `requests`, for the journal.
+    Keys count only while the system reports that the window has the keyboard, so that text which
+    the operator types elsewhere is not an answer. A jump of the clock and a key that was not heard
+    are left as notes in `requests`, for the journal.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class ScreenResponder(Responder):
     Raises
     ------
     NoScreenError
-        On entry, if nothing can be shown here; the message says what to install or use instead.
+        On entry, if no window can be shown; the message names the remedy.
     """
 
     simulated = False
@@ -93,9 +93,10 @@ class ScreenResponder(Responder):
         self._stage.close()
 
     def begin(self, progress: Progress) -> bool:
-        """Show welcome and instructions; the fingers are laid on the plate when a part needs them.
+        """Show welcome and instructions, which end with Enter, or the key that replaces it.
 
-        Enter, or what stands for it, is needed here before the first trial and after each resume.
+        They are shown before the first trial and after each resume. The fingers are placed later,
+        when a part needs them.
         """
         self._fingers_on = False
         self._stage.take_focus()
@@ -103,7 +104,7 @@ class ScreenResponder(Responder):
         return self._read_through(self._pages.before_visit(), progress)
 
     def introduce(self, part: SessionPart, progress: Progress) -> bool:
-        """Tell where the fingers go and what the part asks for."""
+        """Show where the fingers go and what the participant does in the part."""
         lay = not part.hands_off and not self._fingers_on
         self._fingers_on = not part.hands_off
         return self._read_through(self._pages.before_part(part, lay=lay), progress)
@@ -177,10 +178,10 @@ class ScreenResponder(Responder):
     def _show_until_continued(
         self, page: Callable[[int], Page], reason_to_wait: Callable[[], int]
     ) -> bool:
-        """Show a page until somebody continues; ``False`` if the key for a pause is pressed.
+        """Show a page until the session continues; ``False`` if the key for a pause is pressed.
 
-        As long as there is a reason to wait, only the operator can continue. It is given to `page`,
-        which is shown anew when it changes.
+        As long as there is a reason to wait, only the operator can continue. `page` gets the
+        reason, and is shown again when the reason changes.
         """
         shown: int | None = None
         while True:

@@ -29,7 +29,7 @@ _KEY_NAMES: Final = {
 
 
 class NoTerminalError(ValueError):
-    """Nobody can press a key here, or read what has to be read."""
+    """There is no terminal on which a participant can read texts and press keys."""
 
 
 class TerminalResponder(Responder):
@@ -177,7 +177,7 @@ class TerminalResponder(Responder):
         return None
 
     def _word(self, key: str) -> str:
-        """Return the answer that a key stands for, else its name."""
+        """Return the answer of a key, else the name of the key."""
         meaning = self._meaning.get(key, "continue")
         if meaning == "continue":
             return key if key.isprintable() else f"key {key!a}"

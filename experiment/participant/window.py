@@ -78,10 +78,10 @@ def _visual() -> Any:
 
 
 class Stage:
-    """A window to draw on: heights are in units of the window's, the middle is (0, 0).
+    """A window to draw on: lengths are in units of its height, and its center is (0, 0).
 
-    It is `focused` where keys are meant for it, as far as the system tells, and `closed` once
-    somebody closed it. `has_font`: the font of the texts is installed.
+    It is `focused` if the system reports that it has the keyboard, and `closed` once a user closed
+    it. `has_font` is true if the font of the texts is installed.
     """
 
     def __init__(self, screen: Screen) -> None:
@@ -131,7 +131,7 @@ class Stage:
             self.window.winHandle.activate()
 
     def poll(self) -> None:
-        """Let the system tell what happened to the window; draw anew what was covered."""
+        """Process the system's events for the window; redraw what was covered."""
         if not self.closed:
             self.window.winHandle.dispatch_events()
         if self._exposed:

@@ -23,8 +23,8 @@ SIGNIFICANT_DIGITS: Final = 4
 others keep equal steps of level equal, and the last bit of a machine shows in none of them."""
 
 UNEQUAL_DB: Final = 1.0
-"""From here on it is told that the same volts move one finger more; people differ by 1.5 dB and
-more."""
+"""From this difference on, a warning states that the same volts move one finger more. People differ
+by 1.5 dB and more."""
 
 BASES: Final = get_args(Basis)
 """Where a displacement comes from, the stronger basis first."""
@@ -43,15 +43,15 @@ def significant(value: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FingerGains:
-    """What the fingers at the sites of a task get of the actuators under them.
+    """The displacements of the fingers at the sites of a task, for each actuator.
 
     Attributes
     ----------
     per_vpp : tuple of tuple of float
-        A row for each finger, a column for each driven actuator: peak displacement per Vpp, in um
-        where the basis is known, else relative to what an actuator does at its own finger.
+        Peak displacement per Vpp, a row for each finger and a column for each driven actuator. It
+        is in um if the basis is known, else relative to the driven finger.
     bases : tuple of (str or None)
-        A word of `BASES` for each actuator; none where no displacement is known.
+        A word of `BASES` for each actuator; None if no displacement is known.
 
     Examples
     --------
@@ -141,7 +141,7 @@ class FingerGains:
 
 
 def without_crosstalk(n_sites: int) -> FingerGains:
-    """Return what a plan tells that was sealed without a matrix."""
+    """Return the gains of a plan that was sealed without a matrix."""
     per_vpp = tuple(tuple(float(f == site) for site in range(n_sites)) for f in range(n_sites))
     return FingerGains(per_vpp=per_vpp, bases=(None,) * n_sites)
 

@@ -19,8 +19,8 @@ FASTEST_ANSWER_S = 0.15
 class Observer:
     """One simulated participant.
 
-    `experiment.perception.answers` has what follows from these numbers. Each finger gets the
-    displacement of its own actuator plus what reaches it from the other; the amplitudes add. It
+    `experiment.perception.answers` derives the answers from these numbers. The displacement of each
+    finger is the sum of the amplitudes from its own actuator and from the other one. The finger
     detects an amplitude u with probability Phi(log10(u / threshold) / sigma), independently of the
     other finger, but not at all if the other gets 20 dB more. The section [simulation] checks the
     ranges; only the threshold, which a draw changes, is checked here.
@@ -42,16 +42,16 @@ class Observer:
     guess_both : float
         Probability of ``both`` in a guess where it is offered.
     crosstalk_db : float or None
-        Amplitude of the burst at the other finger, dB re its amplitude at its own finger, if it is
-        to be another than that of the gain matrix.
+        Crosstalk: amplitude at the undriven finger, dB re the driven finger. None uses the gain
+        matrix.
     reaction_time_s : float
         Median reaction time to a stimulus that is always felt.
     reaction_time_spread : float
         Standard deviation of ln(reaction time - `min_reaction_time_s`).
     min_reaction_time_s : float
-        What no reaction takes less than.
+        Shortest possible reaction time.
     reaction_time_slowing : float
-        How much longer than that to what cannot be felt than to what is always felt.
+        Factor by which the rest of the reaction time is longer if the stimulus cannot be felt.
     finger_difference_db : float
         Threshold at the first site above that at the last, half of it on either side; in equal
         steps from site to site.

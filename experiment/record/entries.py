@@ -1,8 +1,8 @@
-"""The lines of a journal, each a strict model: the one place that says what a record holds.
+"""The lines of a journal, each a strict model, which together define the record.
 
-Writer, reader, verification and the JSON Schema use these models. `Line.event` tells the models of
-a journal apart; the order below is about the order of a session. A member that is not known, or
-does not apply, is ``null``.
+Writer, reader, verification and the JSON Schema use these models. `Line.event` names the model of a
+line; the order below is roughly the order of a session. A member that is not known, or does not
+apply, is ``null``.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ _BySite = Annotated[tuple[_Value, ...], Field(strict=False)]
 
 
 class Line(BaseModel):
-    """What a journal says of one event, beside its time.
+    """One event in a journal, without its time.
 
-    Every line of a session is an instance of one of the subclasses; `event` names which.
+    Every line of a session is an instance of one of the subclasses; `event` names the subclass.
     """
 
     model_config = ConfigDict(
@@ -160,7 +160,7 @@ class SessionResumed(Line, VisitConditions):
 
     event: Literal["session_resume"] = "session_resume"
     session_clock: Literal["goes on", "broken"]
-    """``broken`` if nobody can tell how long the interruption was."""
+    """``broken`` if the duration of the interruption is unknown."""
 
 
 class MarkerSent(Line):
@@ -207,7 +207,7 @@ class TrialArmed(_BurstLine):
 
 
 class StimulusCommanded(Line):
-    """The device is about to be told to present the stimulus."""
+    """The command to present the stimulus is about to be sent to the device."""
 
     event: Literal["stimulus_commanded"] = "stimulus_commanded"
     token: int
@@ -273,7 +273,7 @@ class StimulusMeasured(_BurstLine):
     faults: list[str]
     """How the burst differs from the plan."""
     noted: list[str]
-    """How it may differ, where the tap cannot tell enough to void a trial."""
+    """How it may differ, where the tap shows too little to void a trial."""
     unmeasured: str | None
     """Why it could not be measured."""
     planned: _BySite[float]
@@ -317,9 +317,9 @@ MEASURED_COLUMNS: Final[Mapping[str, str]] = {
     },
     "interval": "measured.interval",
 }
-"""The columns of measured.csv, and the attribute of a `MeasuredRow` that each one is.
+"""The columns of measured.csv, and the attribute of a `MeasuredRow` in each of them.
 
-A column with ``{site}`` in its name stands for one at each site.
+A name with ``{site}`` gives one column for each site.
 """
 
 
@@ -447,7 +447,7 @@ JournalLine = Annotated[
     | SessionClosed,
     Field(discriminator="event"),
 ]
-"""Any line of a journal, told apart by `event`."""
+"""Any line of a journal; `event` names its model."""
 
 LINES: Final[TypeAdapter[JournalLine]] = TypeAdapter(JournalLine)
 """Validates the members of a line. ``LINES.json_schema()`` is the JSON Schema of all events.

@@ -36,7 +36,7 @@ LOCK: Final = ".lock"
 """The file of a session that is locked while it is run, read or removed."""
 RUNNING: Final = "another process is running this session; nothing was changed"
 SESSIONS_TABLE: Final = "sessions.tsv"
-"""The table beside a person's sessions: the hash of the last journal line of each."""
+"""The table of a person's sessions, with the hash of the last journal line of each."""
 
 
 class ArchiveError(ValueError):
@@ -196,7 +196,7 @@ def make_folder(folder: Path, disk: Disk) -> None:
     make_folder(folder.parent, disk)
     try:
         folder.mkdir(FOLDER_MODE, exist_ok=True)
-    except FileExistsError as error:  # "File exists" would not tell what is wrong with that
+    except FileExistsError as error:  # "File exists" would not state what is wrong
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder)) from error
     disk.sync_folder(folder.parent)
 

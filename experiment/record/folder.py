@@ -433,7 +433,7 @@ class SessionFolder:
         written = max(0, table.count(b"\n") - 1)
         if written > len(history.rows):
             raise JournalError(
-                f"{self.journal_path}: must tell of at least the {written} trials of trials.csv; "
+                f"{self.journal_path}: must have at least the {written} trials of trials.csv; "
                 f"got {len(history.rows)}; restore it from a copy: nothing was changed"
             )
         return history

@@ -127,8 +127,8 @@ class History:
     onset_clock : int
         1, and one more for every time that the session's clock was broken.
     recording_start_s : float
-        When other recordings were first told that the session begins, on its clock; 0 where none
-        were.
+        When other recordings were first sent the marker of the session's begin, on its clock; 0 if
+        none was sent.
     """
 
     rows: tuple[TrialRow, ...]
@@ -145,7 +145,7 @@ class History:
     recording_start_s: float
 
     def due(self, *, warm_up: bool) -> tuple[Attempt, ...]:
-        """Return what is to be presented in the next sitting, in its order.
+        """Return the trials to be presented in the next visit, in their order.
 
         Parameters
         ----------
@@ -266,9 +266,9 @@ def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[Presentation]:
     chosen: dict[tuple[int, int], LevelChosen] = {}
     boot_id, device_kind, onset_clock = 0, None, 1
     for line in (entry.line for entry in entries):
-        # A token means something to the power cycle that heard it and to no other. The lines of a
-        # trial do not repeat which that is: it stands in the last opening of the session above
-        # them; and so does what sort of device that is, and whether the clock went on.
+        # A token is valid only in the power cycle that received it. The lines of a trial do not
+        # repeat the power cycle, the kind of device, or whether the clock continued; the last
+        # opening of the session above them has all three.
         if isinstance(line, SessionOpened | SessionResumed):
             boot_id, device_kind = line.boot_id, line.device_kind
         if isinstance(line, SessionResumed):

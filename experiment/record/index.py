@@ -1,10 +1,9 @@
 """The sessions of a study: those that lie in its folder, and those that sessions.tsv lists.
 
-``sessions.tsv`` lies beside the sessions of a person. It keeps, for each session that ended, the
-hash of the journal's last line, which stands for the whole journal. The chain of hashes in a
-journal cannot be mended unseen, but a journal can be cut, or written anew as a whole: then its last
-hash is another one than was kept. Whoever changes sessions.tsv, too, is found only by a hash that
-was written down elsewhere.
+``sessions.tsv`` lies in the folder of a person. For each session that ended, it keeps the hash of
+the journal's last line, which depends on the whole journal. The chain of hashes reveals a changed
+line. If the journal is cut or rewritten as a whole, its last hash differs from the one that was
+kept. If sessions.tsv is changed, too, only a hash that was written down elsewhere reveals it.
 """
 
 from __future__ import annotations

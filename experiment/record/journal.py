@@ -2,14 +2,14 @@
 
 One line is one event: ``{"crc":"<8 hex digits>","schema":5,"seq":n,"prev":"<64 hex digits>",
 "event":...,...}``. The checksum is the CRC-32 of the line without its ``crc`` member: of the bytes
-``{"schema":...}``. ``prev`` is the SHA-256 of the line before, all of it but its line end, so that
-the hash of the last line, the head, stands for the whole journal. The checksum names the line in
-which a disk or a slip changed something; the chain cannot be mended without changing the head.
+``{"schema":...}``. ``prev`` is the SHA-256 of the line before without its line end, so that the
+hash of the last line, the final hash, depends on the whole journal. The checksum names the line in
+which a disk fault or a mistake changed something; no change can keep the final hash.
 
-A line is synced where something follows that a later line cannot undo: a stimulus that is armed
-under a token, a trial that is over, a wait for a person. A sync takes all lines before it along, so
-the others need none of their own. Between FIRE and the answer nothing is written at all: a disk
-that takes its time would be felt there, in the reaction time.
+A line is synced before anything that a later line cannot undo: a stimulus that is armed under a
+token, the end of a trial, a wait for a person. A sync includes all lines before it, so that the
+others need none of their own. Between FIRE and the answer nothing is written, because a slow disk
+would lengthen the reaction time.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ class JournalFile:
 
     @property
     def head_sha256(self) -> str:
-        """Hash of the last line, which stands for all of them."""
+        """Hash of the last line, which depends on all lines."""
         return self.sha256[-1] if self.sha256 else ROOT
 
 
@@ -223,11 +223,11 @@ class Journal:
     Parameters
     ----------
     path : Path
-        The file; it is made if it does not exist, and continued if it does.
+        The file; it is created if it does not exist, and continued if it does.
     now_s : callable
         Returns the time on the session's clock.
     disk : Disk
-        Where it is kept.
+        Disk that holds the file.
     wall_s : callable
         Returns the calendar time in seconds since 1970.
     up_s : callable
@@ -236,11 +236,11 @@ class Journal:
     Raises
     ------
     JournalError
-        If what the file holds already cannot be trusted; nothing is changed then.
+        If the present content of the file cannot be trusted; nothing is changed then.
 
     Notes
     -----
-    A last line that was cut short is moved to a file ``journal.torn-N`` beside the journal.
+    A last line that was cut short is moved to a file ``journal.torn-N`` in the same folder.
     ``head_sha256`` is the hash of the last line.
 
     Examples

@@ -1,9 +1,9 @@
 """Folders of results that are replaced as a whole, and the manifest in each.
 
-Every export and every analysis has a manifest that names whose data it holds: by it, `withdraw`
-finds what still holds a person. An export is written beside its target and put in place as a whole.
-Its manifest has the checksum of every file: only a folder that is still what an export made is
-replaced, and what somebody added or changed since is not deleted.
+Every export and every analysis has a manifest that names the participants in its data, by which
+`withdraw` finds the data of a person. An export is written next to its target and then moved into
+place as a whole. Its manifest has the checksum of every file. Only an unchanged export is replaced,
+so that files which a user added or changed are never deleted.
 """
 
 from __future__ import annotations
@@ -99,26 +99,26 @@ class FolderWriter:
 def replace_folder(
     out: Path, source: Path, about: Manifest, disk: Disk = DISK
 ) -> Iterator[FolderWriter]:
-    """Replace a folder as a whole: it is complete when this ends, or as it was before.
+    """Replace a folder as a whole: in the end it is complete, or unchanged.
 
-    A process killed within the exchange leaves the former folder beside `out` under a name of its
-    own; the next call for `out` removes it.
+    A process that is killed during the exchange leaves the former folder next to `out`, under
+    another name; the next call for `out` removes it.
 
     Parameters
     ----------
     out : Path
-        The folder: new, empty, or an export that nobody changed.
+        The folder: new, empty, or an unchanged export.
     source : Path
         The folder of the study, whose data must not be replaced.
     about : Manifest
-        What the folder is; the checksums of its files are added.
+        Description of the folder; the checksums of its files are added.
     disk : Disk
-        Where the folder is kept.
+        Disk that holds the folder.
 
     Yields
     ------
     FolderWriter
-        What writes the files.
+        Writer of the files.
 
     Raises
     ------
@@ -182,7 +182,7 @@ def refuse_target(out: Path, source: Path) -> None:
     changed = [name for name in names if present.get(name, "") != listed.get(name, "")]
     if changed or not manifest:
         raise ArchiveError(
-            f"{out}: must be a new or empty folder, or an export that nobody changed; "
+            f"{out}: must be a new or empty folder, or an unchanged export; "
             f"{changed[0] if changed else NAME} was added, changed or removed; give "
             "another folder: nothing was changed"
         )

@@ -220,7 +220,7 @@ class People:
         return People(self.heading, rows)
 
     def text(self) -> str:
-        """Write the table as it stands in the file."""
+        """Return the table in the format of the file."""
         rows = ([row.get(c, NOT_AVAILABLE) for c in self.heading] for row in self.rows.values())
         return tsv((self.heading, *rows))
 
@@ -280,8 +280,8 @@ def _check_row(
 def next_number(root: Path, participant: str) -> int:
     """Return the number of a person: their position in participants.tsv, counted from 1.
 
-    A person who is not yet in the table comes last. Each person who withdrew counts, so that the
-    number of the next person is nobody else's.
+    A person who is not yet in the table comes last. People who withdrew count, so that each number
+    is used once.
     """
     names = [*read_people(root).rows]
     name = f"sub-{participant}"

@@ -1,7 +1,7 @@
 """The columns of trials.csv: what session, export and analysis share.
 
-One row tells of one presented trial. A value that does not
-exist, or that this program does not know yet, is written ``n/a``.
+Each row describes one presented trial. A value that does not exist, or is not known yet, is written
+``n/a``.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def _column(description: str, *choices: str, name: str = "", each: str = "") -> 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Presented:
-    """Which presentation of which trial a row tells of: the first columns of both tables."""
+    """The presentation and the trial of a row: the first columns of both tables."""
 
     schema: int = _column("version of this table's layout")
     participant: str = _column("participant's identifier")
@@ -131,8 +131,8 @@ class TrialRow(Presented):
     )
     burst_verified: str | None = _column("where a monitor measured the burst as planned", *VERIFIED)
     onset_clock: int = _column(
-        "1, or more after the computer was started anew: onsets of another number are on another "
-        "clock"
+        "1, and 1 more after each restart of the computer: onsets with different numbers are on "
+        "different clocks"
     )
     study_sha256: str = _column("checksum of the study that was run")
 
@@ -165,10 +165,10 @@ def columns_of(task: Task) -> tuple[Column, ...]:
 COLUMNS: Final = columns_of(LEFT_RIGHT_BOTH)
 """The columns of trials.csv, in their order, as the task left-right-both has them.
 
-Those of another task have its sites, and its words in ``kind``, ``side`` and ``response``.
+The columns of another task have its sites, and its words in ``kind``, ``side`` and ``response``.
 
-Units are the suffixes of the names; ``optional`` tells where ``n/a`` may stand, ``choices`` the
-words that may.
+Units are the suffixes of the names. ``optional`` states whether a value may be ``n/a``, and
+``choices`` lists the words that are allowed.
 
 >>> from experiment import COLUMNS
 >>> [column.name for column in COLUMNS if column.type == "bool"]
@@ -191,7 +191,7 @@ def trials_csv(task: Task, rows: Iterable[TrialRow]) -> str:
 
 
 def format_value(value: object) -> str:
-    """Write one value as it stands in trials.csv; numbers keep their shortest exact form.
+    """Return one value in the format of trials.csv; numbers keep their shortest exact form.
 
     >>> [format_value(v) for v in (None, True, 60.0, 0.25, "ok")]
     ['n/a', 'true', '60', '0.25', 'ok']

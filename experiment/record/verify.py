@@ -161,7 +161,7 @@ class Verification:
     def difference(
         self, name: str, line: int | None, message: str, remedy: Remedy | None = None
     ) -> Difference:
-        """Return a difference in a file of the session, or in the sessions.tsv beside it."""
+        """Return a difference in a file of the session, or in sessions.tsv."""
         folder = person_of(self.folder) if name == SESSIONS_TABLE else self.folder
         return Difference(path=folder / name, line=line, message=message, remedy=remedy)
 
@@ -179,7 +179,7 @@ class Verification:
 
     @property
     def ended(self) -> bool:
-        """Whether the last line is the one whose hash was kept when a sitting ended."""
+        """Whether the last line is the one whose hash was kept when a visit ended."""
         return 0 < len(self.events) == self.n_sealed
 
     @property
@@ -269,7 +269,7 @@ def _check_seal(record: Verification) -> Iterator[Difference]:
     elif later and later[0] != "session_resume":
         yield record.difference(JOURNAL, n_sealed + 1, "was added after the session had ended")
     elif later and closed:
-        message = f"the last line of {JOURNAL} is another one than head_sha256 tells of"
+        message = f"head_sha256 is not the hash of the last line of {JOURNAL}"
         yield record.difference(SESSIONS_TABLE, seal.line, message, "resume")
 
 
@@ -356,7 +356,7 @@ def refuse_modified(folder: Path, *, rebuilds_tables: bool = False) -> tuple[Dif
         if difference.remedy is None:
             hint = "; restore it from a copy"
         elif is_edited and not rebuilds_tables:
-            hint = "; tactstrip export DIR builds it anew from the journal"
+            hint = "; tactstrip export DIR rebuilds it from the journal"
         elif difference.remedy == "removal":
             hint = ""
         else:

@@ -1,7 +1,7 @@
 """The tracks of a session whose levels a rule chooses, by condition and site.
 
-The journal has every choice, so that a resumed session continues with what was presented: tracks
-are made again from the recorded levels and answers, and no past choice is computed anew.
+The journal has every choice. A resumed session rebuilds its tracks from the recorded levels and
+answers, and computes no past choice again.
 """
 
 from __future__ import annotations

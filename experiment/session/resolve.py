@@ -25,9 +25,10 @@ def resolve_interrupted_trial(
 ) -> None:
     """Write the end of the trial in which the session was interrupted.
 
-    An answer that was still written stands, unless it was premature, or its burst not verified,
-    and the study repeats such trials. A trial of which a burst went out is voided, one of which
-    none did is aborted; where the device cannot tell, or was started anew, it is indeterminate.
+    If the answer was recorded, the trial counts, unless the study repeats trials with a premature
+    response, or with a burst that was not verified, and this is one. Otherwise the trial is voided
+    if a burst was played, and aborted if none was. It is indeterminate if the device restarted or
+    does not know the outcome.
     """
     interval = interrupted.interval
     confirmed = interrupted.confirmed.get(interval)

@@ -241,9 +241,9 @@ def plan_session(
 def run(folder: SessionFolder, plan: Plan, config: SessionConfig) -> SessionResult:
     r"""Begin a session and run it, or resume it if `config.resume`.
 
-    A resumed session first resolves the trial in which it was interrupted, by what the device knows
-    of its stimulus. That trial is repeated unless its answer was written and counts. Trials that
-    are done stay as they are; a session that is finished only gets its tables again.
+    A resumed session first asks the device about the stimulus of the interrupted trial, and
+    resolves that trial. The trial is repeated unless its answer was recorded and counts. Completed
+    trials do not change. For a finished session, only its tables are written again.
 
     Parameters
     ----------
@@ -252,7 +252,7 @@ def run(folder: SessionFolder, plan: Plan, config: SessionConfig) -> SessionResu
     plan : Plan
         Plan of the session, which contains the study.
     config : SessionConfig
-        Device, responder and everything else that the session runs with.
+        Device, responder and all other equipment of the session.
 
     Returns
     -------
@@ -265,13 +265,13 @@ def run(folder: SessionFolder, plan: Plan, config: SessionConfig) -> SessionResu
     ResponderError
         If the responder lacks a method, or fails.
     ArchiveError
-        If another process holds the session; if a new session exists already; if an interrupted
-        one was begun with another kind of participant, or on another host or device, or more than
-        half an hour ago, unless `config.resume_anyway`.
+        If another process holds the session, or if a new session exists already. Unless
+        `config.resume_anyway`, also if an interrupted session was begun with another kind of
+        participant, on another host or device, or more than half an hour ago.
     JournalError, PlanError
         If the journal or the plan cannot be trusted; nothing is changed then.
     ValueError
-        If the device does not suit the purpose or the study, or nobody confirmed that it is safe.
+        If the device does not suit the purpose or the study, or was not confirmed to be safe.
     DeviceError, NoiseError
         If the device cannot be opened, or the noise not be played.
     JournalWriteError

@@ -158,10 +158,11 @@ class Session:
         return self._state.phase is events.Phase.FINISHED
 
     def _mark_start(self, at_s: float) -> None:
-        """Send the first marker of a visit; by its time the record is aligned to others.
+        """Send the first marker of a visit, by whose time the record is aligned to others.
 
-        A recorder hears nothing of what was sent before it was connected, so that it is not sent
-        before the start key, nor to nobody; before a marker for a past time it has that time.
+        A recorder misses markers from before its connection. The marker is therefore sent after the
+        start key, and only while a recorder is connected. If a marker for an earlier time follows,
+        it has that time.
         """
         markers = self._markers
         if markers is None or self._marked or not (self._state.welcomed and markers.heard()):
@@ -194,14 +195,13 @@ class Session:
         return self._next_event() if answer is None else answer
 
     def _next_event(self) -> Input:
-        """Between two trials: note what is new, show how it stands, heed the operator."""
+        """Write notes and update the display between two trials; return the next event."""
         if self._state.phase is events.Phase.READY:
             self._note()
             self._mark_start(self._clock.now_s())
             self._show()
-        # A session with no trial left is finished even if a stop was asked for: as stopped it would
-        # be resumed for nothing. A stop comes before a pause, which would wait for somebody to go
-        # on.
+        # A session with no trial left is finished even if a stop was requested, because there would
+        # be nothing to resume. A stop comes before a pause, which would wait to be continued.
         event = next_event(self._state)
         if event is Event.NO_TRIAL_LEFT:
             return event
@@ -311,9 +311,9 @@ class Session:
             window_s=effect.window_s,
             answers=self._plan.answers_to(effect.attempt.trial),
         )
-        # The noise is asked for when the answer is in, for nothing may be done while it is awaited.
-        # Lost noise voids any answer; only a stop outranks it, or the session would go on in a
-        # pause.
+        # The noise is checked after the answer, because nothing may run while an answer is awaited.
+        # Lost noise voids any answer. Only a stop takes precedence, else the session would continue
+        # in a pause.
         event = self._participant.ask(effect.attempt, question)
         lost = self._noise.lost()
         self._bursts.measure(delivery)
@@ -327,8 +327,8 @@ class Session:
     def _end_trial(self, effect: events.EndTrial) -> None:
         # What became of the stimulus and of the answer is written only here, with one sync at the
         # end: from the onset to the answer nothing may touch the disk. If these lines are lost, the
-        # token that lies on the disk since before the onset is enough for the device to tell
-        # whether it played.
+        # token, which is on the disk before the onset, suffices to ask the device whether it
+        # played.
         attempt, noise_ok = effect.attempt, self._noise.ok
         name: dict[str, Any] = {"trial": attempt.trial.number, "attempt": attempt.number}
         self._record_burst(attempt, self._state.interval)
@@ -376,7 +376,7 @@ class Session:
         self._journal.append(line, sync=True)
         if why and self._requests.attended:
             self._requests.pause()  # the participant, whom it does not concern, does not end it
-        elif why:  # nobody could tell whether the operator goes on or the participant
+        elif why:  # the participant must not continue in place of the operator
             self._config.report(f"Stopped. {why}. Continue with --resume.")
             return Event.STOP_REQUESTED
         minimum_s = 0.0 if effect.paused else self._study.design.min_break_s
@@ -390,8 +390,8 @@ class Session:
     def _close(self, effect: events.CloseSession) -> None:
         self._note()
         sha256: dict[str, Any] = {}
-        # With them the last line seals the tables, too: who reads all need not build them anew. But
-        # a session has ended whatever lies there: who writes the tables next says what is wrong.
+        # With these hashes the last line seals the tables, too, so that a reader need not rebuild
+        # them. A session has ended even if a table cannot be read; writing the tables reports that.
         with contextlib.suppress(ValueError, OSError):
             sha256 = self._tables_sha256()
         self._journal.append(SessionClosed(finished=effect.finished, **sha256), sync=True)

@@ -86,7 +86,7 @@ class StimulusDelivery:
         self.sites, self.delivery = burst.sites, None
         # Tokens rise, also where the calendar's clock was set back: the device relies on it.
         self.token = max(self.token + 1, time.time_ns())
-        # On the disk before the device knows it: after a crash only the token tells what was felt.
+        # On the disk before it is sent: after a crash, only the token can show what was presented.
         if chosen is not None:
             self._journal.append(chosen)
         armed = TrialArmed(

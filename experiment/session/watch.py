@@ -140,8 +140,8 @@ def _kept(figure: float | None) -> float | None:
 class NoiseMonitor:
     """The masking noise of a session, watched trial by trial.
 
-    `ok` tells whether it played from the current trial's onset on; it is ``False`` also if it was
-    lost before. `trouble` is what the operator has to know; empty if it plays.
+    `ok` is whether it has played since the onset of the current trial, and ``False`` also if it was
+    lost before. `trouble` is the message for the operator; empty if the noise plays.
     """
 
     def __init__(self, noise: NoisePlayer, journal: Journal) -> None:
@@ -157,7 +157,7 @@ class NoiseMonitor:
         self.ok = self._check_health().ok
 
     def lost(self) -> bool:
-        """Tell whether it does not play now, or did not at the onset; touches no disk."""
+        """Return whether it is silent now, or was at the onset; touches no disk."""
         if self._check_health().ok is False:
             self.ok = False
         return self.ok is False

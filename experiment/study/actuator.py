@@ -308,7 +308,7 @@ class FingerLoad(Section):
     stiffness_n_m: Annotated[float, Field(ge=0, le=1e5), zero_or_at_least(10)] | None = None
     """stiffness between that mass and the bone"""
     damping_n_s_m: Annotated[float, Field(ge=0, le=100), zero_or_at_least(0.01)] | None = None
-    """damping beside that stiffness"""
+    """damping in parallel with that stiffness"""
     holds_up_to_hz: Annotated[float, Field(ge=20, le=20_000)] | None = None
     """highest frequency of these values; a burst whose band is above has no finger load"""
     source: Line | None = None

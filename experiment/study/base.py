@@ -347,7 +347,7 @@ def zero_or_at_least(minimum: float) -> AfterValidator:
 
 
 def is_distinct(values: Collection[Hashable]) -> bool:
-    """Tell whether no value occurs twice."""
+    """Return whether no value occurs twice."""
     return len(set(values)) == len(values)
 
 

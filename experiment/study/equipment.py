@@ -138,9 +138,9 @@ class MonitorSettings(Section):
         yield is_inverted, "per_unit", 'must be above 0 with source = "device"'
 
     def driver_rules(self, driver: str) -> Iterator[Rule]:
-        """Yield the rule that a driver has the source; the mock stands in for any."""
+        """Yield the rule that a driver has the source; the mock replaces any driver."""
         needed = _DRIVER_OF.get(self.source, driver)
-        rule = f'needs the driver "{needed}"; beside "{driver}" use "input"'
+        rule = f'needs the driver "{needed}"; with "{driver}" use "input"'
         yield driver not in {needed, "mock"}, "monitor.source", rule, self.source
 
     def drive_rules(
@@ -174,7 +174,7 @@ class MonitorSettings(Section):
 
     @property
     def record_rate_hz(self) -> float:
-        """Sample rate of a sound card beside the driver."""
+        """Sample rate of a sound card that records in addition to the driver."""
         return 48_000.0 if self.sample_rate_hz is None else self.sample_rate_hz
 
 

@@ -1,7 +1,7 @@
 """Reading study files, presets and files of levels.
 
-What a study file leaves open (samples of files, windows to choose) is determined once, when it is
-read. A plan holds the result, so that what is played is never determined anew.
+Reading a study file also determines what it leaves open: the samples of files and the windows to
+choose. A plan holds the result, so that every session plays the same.
 """
 
 from __future__ import annotations

@@ -112,8 +112,8 @@ _Text = Annotated[str, AfterValidator(_readable)]
 class Texts(Section):
     """What the participant reads, in any language.
 
-    {done}, {planned} and {seconds} stand for numbers; in texts about answers, the name of an answer
-    in braces stands for its keys, and {continue} for the key that continues.
+    {done}, {planned} and {seconds} are replaced by numbers. In texts about answers, the name of an
+    answer in braces is replaced by its keys, and {continue} by the key that continues.
     """
 
     welcome: _Text = "Welcome, and thank you for taking part."

@@ -29,7 +29,7 @@ CURVE_KEYS: Final = ("threshold_at_hz", "threshold_at_s", "threshold_at_cm2")
 _SPREADS: Final = {
     *("finger_difference_sd_db", "sigma_spread", "difference_sd_db", "reversed_mapping_rate")
 }
-"""How participants differ beside their thresholds."""
+"""How participants differ, apart from their thresholds."""
 
 _Fraction = Annotated[float, Field(ge=0, le=1)]
 _Shift = Annotated[float, Field(ge=-20, le=20)]

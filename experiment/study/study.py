@@ -106,7 +106,7 @@ class Study(Section):
     True
     """
 
-    # A section whose defaults depend on another stands below it: pydantic validates in this order.
+    # A section whose defaults depend on another must follow it: pydantic validates in this order.
     about: About = Field(default_factory=About, alias="study")
     task_choice: TaskChoice = Field(default=TaskChoice(), alias="task")
     plate: Plate = Field(alias="strip")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from experiment.study.base import Section
 
 SCHEMA_FILE: Final = "study.schema.json"
-"""The JSON Schema beside a study file, by which editors complete keys."""
+"""The JSON Schema in the folder of a study file, by which editors complete keys."""
 _DIRECTIVE: Final = f"#:schema ./{SCHEMA_FILE}\n"
 _WIDTH: Final = 100
 

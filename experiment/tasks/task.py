@@ -77,13 +77,13 @@ class Presentation:
     bursts : tuple of Burst
         One for each observation interval, in their order.
     correct : str
-        The answer that is correct; beside a reference, where the trial's level is above it.
+        The correct answer; in a comparison, the one for a level above the reference.
     correct_below : str or None
-        The answer that is correct where the trial's level is below the reference.
+        In a comparison, the correct answer for a level below the reference.
     site : str or None
-        The site whose threshold a trial measures; none if it measures no threshold.
+        The site whose threshold a trial measures; None if it measures no threshold.
     meaning : str
-        What it is, for descriptions of data.
+        Description in the documentation of data.
 
     Examples
     --------
@@ -137,13 +137,13 @@ class Answer:
     keys : tuple of str
         Its default keys.
     meaning : str
-        What it says, for descriptions of data.
+        Description in the documentation of data.
     sites : tuple of str
         The sites that it names, which its picture highlights.
     sign : str
-        What stands in place of the picture of plate and fingers, in any language.
+        Sign that replaces the picture of plate and fingers, in any language.
     optional : bool
-        Whether it is offered only if trials of the study need it, or the study names it.
+        Whether it is offered only if trials of the study need it, or if the study names it.
 
     Examples
     --------
@@ -447,7 +447,7 @@ class Task:
         Returns
         -------
         float
-            The highest; beside a reference, the one farthest from it in dB.
+            The highest level; in a comparison, the level farthest from the reference in dB.
         """
         if self.reference_vpp is None:
             return max(levels_vpp)
@@ -509,7 +509,8 @@ class Task:
         Returns
         -------
         bool
-            Beside a reference, whether the comparison was judged stronger.
+            Whether it counts; in a comparison, whether the level was judged stronger than the
+            reference.
         """
         shown = self.presentation(presentation)
         if shown.kind != BLANK:

@@ -57,20 +57,21 @@ def draw_plan(
     levels_vpp : sequence of float, or mapping of them by the conditions' names, optional
         Levels placed for this participant, instead of the study's, in peak-to-peak volts.
     gains : tuple of ConditionGains
-        The study's gain matrix, to be sealed with the trials; without it no displacement is told.
+        The study's gain matrix, to be sealed with the trials; without it no displacement is
+        reported.
     participant_number : int, optional
-        Counted from 1; needed where the order of conditions is balanced, else it says nothing.
+        Number of the participant, counted from 1; used only to balance the order of conditions.
 
     Returns
     -------
     Plan
-        Every trial with its wait, those of practice and warm-up included, sealed by a checksum.
+        Every trial with its foreperiod, including practice and warm-up, sealed by a checksum.
 
     Raises
     ------
     PlanError
-        If the design cannot be drawn as the study asks, the seed is below 0, or participant or
-        session is no identifier: ``all``, a name that Windows reserves, or other characters.
+        If the design cannot be drawn, the seed is below 0, or participant or session is not an
+        identifier: ``all``, a name that Windows reserves, or one with other characters.
     StudyError
         If the study cannot be run at these levels.
 
@@ -325,12 +326,12 @@ def _warm_up(study: Study, planned: tuple[Trial, ...]) -> tuple[Trial, ...]:
 
 
 def _draw_foreperiod_s(limits_s: tuple[float, float], rng: np.random.Generator) -> float:
-    """Draw a wait from an exponential distribution cut to ``limits_s``, to the microsecond.
+    """Draw a foreperiod from an exponential distribution truncated to ``limits_s``.
 
-    Its scale is half the range, so that a wait that has lasted tells little about what remains.
+    Its scale is half the range, so that the time already waited says little about the rest.
     """
-    # The distribution function turned round, cut at two scales, where 1 - exp(-2) of it is left.
-    # Rounding to the microsecond, as the plan is written, may step over a limit by less than that.
+    # Inverse of the distribution function, truncated at two scales, below which lie 1 - exp(-2).
+    # Rounding to the microsecond, as the plan is written, may exceed a limit by less than that.
     least_s, most_s = limits_s
     scale_s = (most_s - least_s) / 2
     u = rng.random()

@@ -1,7 +1,7 @@
 """The trial engine: which step follows which event, as one table.
 
-`step` is a pure function of state and event: it knows no clock, no port and no file. What is to be
-done it returns as effects; whoever performs them answers with the next event.
+`step` is a pure function of state and event: it knows no clock, no port and no file. It returns
+effects, which the caller performs; the caller then answers with the next event.
 """
 
 from __future__ import annotations
@@ -57,38 +57,40 @@ class Transition(NamedTuple):
     trial: Status | None = None
 
 
-# A row reads aloud: "in the foreperiod, when a pause is asked for, the session is paused, and the
-# trial ends as aborted". That is all that may stand here. What an event changes wherever it comes
-# (a lost noise is remembered, a block is opened) is `_ON_EVENT`; what is done on arrival, however a
-# phase was reached (a pause offers a rest, a stop says good-bye), is `_ON_ENTRY`: so neither can be
-# forgotten in one row and done in another.
+# A row reads aloud: "in the foreperiod, when a pause is requested, the session is paused, and the
+# trial ends as aborted". A row states nothing else. `_ON_EVENT` has the changes that an event makes
+# in every phase (lost noise is noted, a block is opened). `_ON_ENTRY` has the effects of entering a
+# phase from anywhere (a pause offers a rest, a stop says good-bye). Neither can therefore be
+# forgotten in one of the rows.
 #
 # From its cue on a trial ends exactly once. Every row that leads from FOREPERIOD, ARMING, FIRING,
 # GAP or ANSWER to a phase that is none of them therefore names a status, and no other row does. The
 # trial has one or more observation intervals: as long as another one follows, FIRING leads to GAP,
 # and from there to the next foreperiod. The status
-# says what the participant got, never what would be convenient: "aborted" is for a stimulus that
-# was never asked of the device, "voided" for one that was felt and for a trial with a premature
-# response, "device_error" for one that the device surely did not play, "indeterminate" wherever
-# nobody can tell. Hence a device that fails while it arms and one that fails while it fires differ.
-# Once the burst of an interval was felt, a later one that was never asked for voids the trial.
-# All but "ok" put the trial at the end of its block, so that "ok" comes once for each planned one.
+# states what the participant got: "aborted" is for a stimulus that was never requested from the
+# device, "voided" for one that was presented and for a trial with a premature response,
+# "device_error" for one that the device certainly did not play, and "indeterminate" for one whose
+# outcome is unknown. A device that fails while it arms and one that fails while it fires therefore
+# lead to different statuses. Once the burst of an interval was presented, the trial is voided if a
+# later one is never requested. Every status but "ok" puts the trial at the end of its block, so
+# that each planned trial is "ok" exactly once.
 #
-# ARMING and FIRING have no row for keys, pauses and stops: they last milliseconds, in which nobody
-# is listened to, and a stimulus on its way must have an outcome before anything else is decided.
-# Lost noise has no row in FOREPERIOD and FIRING either: it is asked for last thing before arming,
-# and after the onset together with the answer. A stimulus that failed is tried again; the third in
-# a row stops the session, for then the device does not do its work. A trial with a premature
-# response is tried again, too, and by itself it would be for ever: somebody who holds a key down,
-# or answers the cue, would be given burst after burst that counts for nothing. After as many as the
-# study says, in a row or at one trial, the session is therefore paused and the operator called.
+# ARMING and FIRING have no row for keys, pauses and stops: they last milliseconds, in which no
+# input is read, and a stimulus on its way must have an outcome before anything else is decided.
+# Lost noise has no row in FOREPERIOD and FIRING either: it is checked last before arming, and after
+# the onset together with the answer. A stimulus that failed is tried again; the third failure in a
+# row stops the session, because the device does not work. A trial with a premature response is also
+# repeated. A participant who holds a key down, or answers the cue, would get such bursts without
+# end. After the number that the study states, in a row or at one trial, the session is therefore
+# paused and the operator called.
 #
-# A burst that a monitor measured otherwise than planned, or not at all, was perhaps felt, but not
-# as what it is to be counted for: "indeterminate", and the operator is called, for the next one
-# would be no better. It is told with the answer, for measuring takes time, and it outranks a
-# premature response, not a pause, a stop or lost noise: there the trial is void anyway.
+# A burst that a monitor measured otherwise than planned, or not at all, may have been felt, but not
+# as the stimulus that the trial counts. The trial is "indeterminate", and the operator is called,
+# because the next burst would fail, too. The mismatch is reported with the answer, because
+# measuring takes time. It takes precedence over a premature response, but not over a pause, a stop
+# or lost noise, which void the trial anyway.
 #
-# What has no row cannot happen. If it does, the program is at fault, and nothing is changed.
+# An event without a row cannot occur. If it does, the program is at fault, and nothing is changed.
 TRANSITIONS: Mapping[tuple[Phase, Event], Transition] = {
     (Phase.READY, Event.VISIT_STARTS): Transition(Phase.WELCOME),
     (Phase.READY, Event.PART_STARTS): Transition(Phase.INTRODUCTION),
@@ -177,7 +179,7 @@ def _call_operator(state: SessionState) -> Change:
 
 
 def _continue(state: SessionState) -> Change:
-    """Start anew what was lost, and the count of premature responses if the operator came."""
+    """Restart lost noise or a monitor; if the operator came, reset the premature responses."""
     in_a_row = 0 if state.operator_needed else state.premature_in_a_row
     noise: tuple[Effect, ...] = (StartNoise(),) if state.noise_lost else ()
     monitor: tuple[Effect, ...] = (OpenMonitor(),) if state.burst_mismatch else ()
@@ -272,7 +274,7 @@ def step(state: SessionState, event: Input, task: Task = LEFT_RIGHT_BOTH) -> Cha
     Parameters
     ----------
     state : SessionState
-        Where the session stands; it is not changed.
+        State of the session; it is not changed.
     event : Event or Response
         What happened; an answer is a `Response`.
     task : Task

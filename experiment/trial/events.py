@@ -1,4 +1,4 @@
-"""Phases, events and effects of a session: where it stands, what can happen, what is done."""
+"""Phases, events and effects of a session."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Status: TypeAlias = Literal["ok", "device_error", "indeterminate", "aborted", "v
 
 
 class Phase(StrEnum):
-    """Where a session stands."""
+    """Phase of a session."""
 
     READY = "ready"  # between two trials
     WELCOME = "welcome"  # a visit begins
     INTRODUCTION = "introduction"  # a part begins: what it asks for, where the fingers lie
     FOREPERIOD = "foreperiod"  # the cue is shown, the stimulus has yet to come
-    ARMING = "arming"  # the device was told of the stimulus
-    FIRING = "firing"  # the device was told to emit it
+    ARMING = "arming"  # the command to arm the stimulus was sent
+    FIRING = "firing"  # the command to play it was sent
     GAP = "gap"  # the stimulus of an interval is out, another interval follows
     ANSWER = "answer"  # the stimulus is out, the answer is awaited
     BREAK = "break"  # between two blocks
@@ -84,7 +84,7 @@ class SessionState:
     interval : int
         The interval of the current trial, counted from 1.
     phase : Phase
-        Where the session stands.
+        Phase of the session.
     block : int or None
         The open block.
     premature : bool
@@ -92,7 +92,7 @@ class SessionState:
     premature_in_a_row : int
         Trials in a row, the current one included, with a premature response.
     operator_needed : bool
-        The operator was called, and nobody has continued yet.
+        The operator was called, and the session has not continued yet.
     failures : int
         Stimuli in a row that were not delivered.
     welcomed : bool
@@ -102,7 +102,7 @@ class SessionState:
     noise_lost : bool
         The masking noise has to be started again before the next trial.
     burst_mismatch : bool
-        A burst was not verified, and nobody has continued yet.
+        A burst was not verified, and the session has not continued yet.
     """
 
     pending: tuple[Attempt, ...]
@@ -143,7 +143,7 @@ class Event(StrEnum):
     INTERVAL_STARTS = "interval starts"  # the gap between two intervals is over
     NOT_FIRED = "not fired"  # the device confirmed that it did not
     TOO_MANY_FAILURES = "too many failures"  # the same too often: the device does not do its work
-    DELIVERY_UNKNOWN = "delivery unknown"  # nobody can tell whether it went out
+    DELIVERY_UNKNOWN = "delivery unknown"  # the stimulus may or may not have gone out
     DEVICE_FAILED = "device failed"  # it refused, or its link is lost
     BURST_MISMATCH = "burst mismatch"  # what was measured is another burst, or was not measurable
     NOISE_LOST = "noise lost"  # the masking noise does not play, or did not at the onset
@@ -184,7 +184,7 @@ class Welcome(Effect):
 
 @dataclass(frozen=True, slots=True)
 class Introduce(Effect):
-    """Tell what a part asks for. Answered by CONTINUED or STOP_REQUESTED."""
+    """Introduce a part to the participant. Answered by CONTINUED or STOP_REQUESTED."""
 
     part: SessionPart
 
@@ -257,7 +257,7 @@ class EndTrial(Effect):
 
 @dataclass(frozen=True, slots=True)
 class Feedback(Effect):
-    """Tell the participant whether a practice answer was right."""
+    """Show the participant whether a practice answer was correct."""
 
     correct: bool
 
@@ -270,7 +270,7 @@ class Rest(Effect):
 
 
 class OpenMonitor(Effect):
-    """Have the monitor listen anew, where it can. Answered by BURST_MISMATCH if that fails."""
+    """Reopen the monitor, if it can be. Answered by BURST_MISMATCH if that fails."""
 
 
 class StartNoise(Effect):

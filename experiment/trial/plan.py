@@ -222,7 +222,7 @@ class Plan:
         return _task_of(self.study)
 
     def gains_of(self, condition: str) -> FingerGains:
-        """Return what the fingers at the task's sites get in a condition.
+        """Return the gains at the task's sites in a condition.
 
         Parameters
         ----------
@@ -232,8 +232,8 @@ class Plan:
         Returns
         -------
         FingerGains
-            Micrometres per Vpp, or, where its ``basis`` is None, parts of what the own finger gets.
-            Without crosstalk where the plan has no gains.
+            Micrometres per Vpp; where the basis is None, relative to the driven finger. If the plan
+            has no gains, there is no crosstalk.
         """
         sites = self.task.sites
         gains = {gains.condition: gains for gains in self.gains}.get(condition)
@@ -307,10 +307,10 @@ def _checksum(plan: Plan) -> str:
     return hashlib.sha256(canonical.encode()).hexdigest()
 
 
-# The seal is of what a plan says, not of its file: keys sorted, no blanks. A plan that was laid out
-# anew is still the one that was drawn; one in which a level or the study was touched is not: a
-# session would go on with trials that nobody drew. It is a checksum, not a signature: it guards
-# against slips and half-written copies, not against somebody who computes it again.
+# The seal covers the content of a plan, not its file: keys are sorted and blanks removed. A plan
+# that was reformatted is still the one that was drawn. A plan with a changed level or study is not,
+# because its session would continue with trials that were never drawn. The seal is a checksum, not
+# a signature: it guards against mistakes and incomplete copies, not against a forger.
 def seal(plan: Plan) -> Plan:
     """Return the plan with its checksum."""
     return replace(plan, sha256=_checksum(plan))

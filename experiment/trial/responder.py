@@ -8,7 +8,7 @@ from enum import StrEnum
 from typing import Final
 
 ESCAPE = "escape"
-"""What `Press.response` says when a pause is asked for."""
+"""`Press.response` of a request for a pause."""
 
 
 class SessionPart(StrEnum):
@@ -29,7 +29,7 @@ class SessionPart(StrEnum):
     MAIN = "main"
     """The task."""
     HANDS_OFF_AFTER = "hands_off_after"
-    """Hands off the plate, the task as before."""
+    """The same task with the hands off the plate."""
 
     @property
     def hands_off(self) -> bool:
@@ -168,7 +168,7 @@ class Responder(ABC):
     @property
     @abstractmethod
     def simulated(self) -> bool:
-        """Whether nobody is there."""
+        """Whether the participant is simulated."""
 
     @abstractmethod
     def begin(self, progress: Progress) -> bool:
@@ -187,7 +187,7 @@ class Responder(ABC):
 
     @abstractmethod
     def introduce(self, part: SessionPart, progress: Progress) -> bool:
-        """Tell what the next part asks for, and where the fingers lie.
+        """Explain the task of the next part, and where the fingers lie.
 
         Parameters
         ----------
@@ -257,7 +257,7 @@ class Responder(ABC):
 
     @abstractmethod
     def feedback(self, *, correct: bool) -> None:
-        """Tell whether a practice answer was right.
+        """Show whether a practice answer was correct.
 
         Parameters
         ----------
@@ -300,4 +300,4 @@ class Responder(ABC):
 
 
 RESPONDERS: Final = ("screen", "terminal", "simulated")
-"""Who can answer, by name on the command line, beside installed ones of a lab's own."""
+"""Built-in responders by name on the command line; a lab can install others."""

@@ -114,7 +114,7 @@ class Step(Protocol):
 _SHOWN_AFTER_S: Final = 0.5
 _REFRESH_INTERVAL_S: Final = 0.1
 _BAR_CHARACTERS: Final = 15
-"""Of 80, so that the intermediate result fits beside it."""
+"""Width of the bar, which leaves room for the intermediate result in 80 characters."""
 
 
 @contextlib.contextmanager

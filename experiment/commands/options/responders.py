@@ -133,9 +133,9 @@ def _make_responder(name: str, settings: ResponderSettings, clock: Clock) -> Any
 def display_beside(
     name: str, requests: Requests, stop: StopSignal
 ) -> Iterator[tuple[Callable[[Status], object], Callable[[str], object]]]:
-    """Yield what shows a status to the operator, and a function that prints a line beside it.
+    """Yield a function that shows a status to the operator, and one that prints a line above it.
 
-    If the participant uses the terminal nothing is shown, and a line begins below the open one.
+    If the participant uses the terminal, no status is shown, and a line begins below the open one.
     """
     if name == "terminal":
         yield lambda _: None, lambda line: echo("", line)
