@@ -43,7 +43,7 @@ with tempfile.TemporaryDirectory() as folder:
 
 
 def _actuator(
-    side: str, x_mm: float, *lines: str, diameter_mm: float = 12.8, y_mm: float | None = None
+    site: str | None, x_mm: float, *lines: str, diameter_mm: float = 12.8, y_mm: float | None = None
 ) -> str:
     across = [] if y_mm is None else [f"y_mm = {y_mm}"]
     measured = [
@@ -54,7 +54,7 @@ def _actuator(
     return "\n".join(
         [
             "[[actuator]]",
-            f'site = "{side}"',
+            *([] if site is None else [f'site = "{site}"']),
             f"x_mm = {x_mm}",
             f"diameter_mm = {diameter_mm}",
             *across,
@@ -97,7 +97,7 @@ FINGERS: Final = (
     'holds_up_to_hz = 1000\nsource = "an example"\n'
 )
 OTHERS: Final = "".join(
-    _actuator("other", x_mm, f'name = "at{x_mm}"', diameter_mm=10) for x_mm in (-70, 0, 70)
+    _actuator(None, x_mm, f'name = "at{x_mm}"', diameter_mm=10) for x_mm in (-70, 0, 70)
 )
 BARE: Final = "simply-supported"
 

@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from experiment.study.task import TaskChoice
     from stimuli import Load, Strip
 
-UNDRIVEN: Final = "other"
-"""The site of actuators that no session drives."""
 Shape = Literal["disc", "rectangle", "motor"]
 
 # Piezo discs begin at some millimetres, the contacts of motors at tenths, layers at films of 5 um.
@@ -72,10 +70,10 @@ def _in_metres(key: str) -> Any:
 class Actuator(Section):
     """A patch or a motor under the strip, and the finger above it."""
 
-    site: Line
-    """name of the finger's site, such as left; other: no session drives it"""
+    site: Line | None = None
+    """site of the finger above it, such as left; without a site, no session drives it"""
     name: str | None = None
-    """name of an actuator whose site is other"""
+    """name of an actuator without a site"""
     shape: Shape = "disc"
     """shape of the patch, or motor with the size of its contact"""
     x_mm: _Position
@@ -129,12 +127,11 @@ class Actuator(Section):
 
     def rules(self) -> Iterator[Rule]:
         """Yield the rules of its name, size, measurement and layers."""
-        name, is_undriven = self.name, self.site == UNDRIVEN
-        yield not NAME.fullmatch(self.site), "site", NAME_RULE
-        rule = f'must be given with site = "{UNDRIVEN}", and only then'
-        yield (name is not None) != is_undriven, "name", rule, None
-        is_valid = name is None or (NAME.fullmatch(name) and name != UNDRIVEN)
-        yield not is_valid, "name", f"{NAME_RULE}, and not {UNDRIVEN}"
+        rule = "or name must be given, a site if the session drives the actuator"
+        yield (self.site is None) == (self.name is None), "site", rule, self.site
+        for key in ("site", "name"):
+            text = getattr(self, key)
+            yield text is not None and not NAME.fullmatch(text), key, NAME_RULE
         for key in SIZE_KEYS:
             is_needed = (key == "diameter_mm") == (self.shape == "disc")
             rule = (
@@ -145,7 +142,8 @@ class Actuator(Section):
         is_measured = self.measured_displacement_um is not None
         lack = not is_measured and bool(self.measured_by or self.measured_on)
         yield lack, MEASURED_KEYS[0], "is required with measured_by and measured_on"
-        yield self.assumed_equal_to == self.site, "assumed_equal_to", "must be another site"
+        is_own = self.assumed_equal_to is not None and self.assumed_equal_to == self.site
+        yield is_own, "assumed_equal_to", "must be another site"
         has_d31 = self.piezo_d31_pm_v is not None
         excess = has_d31 and (is_measured or self.assumed_equal_to is not None)
         rule = "must be left out where the displacement is measured"
@@ -167,7 +165,7 @@ class Actuator(Section):
     @property
     def label(self) -> str:
         """Its site, or its name."""
-        return self.name or self.site
+        return self.site or self.name or ""
 
     x_m = _in_metres("x_mm")
     """Centre along the strip, from its middle, positive to the right."""
@@ -345,27 +343,27 @@ def complete_actuators(
             obey(actuator.equality_rules(reference), actuator, f"[{index}]")
             values |= {key: getattr(reference, key) for key in (*MEASURED_KEYS, "measured_as")}
         complete.append(actuator.completed(**values) if values else actuator)
-    complete.sort(key=lambda each: (each.site == UNDRIVEN, each.x_m, each.y_m))
+    complete.sort(key=lambda each: (each.site is None, each.x_m, each.y_m))
     sites = sites_of(complete)
-    obey([(not sites, "", f"must have a site other than {UNDRIVEN}", names)])
+    obey([(not sites, "", "must have a site, at least one of them", names)])
     try:
         task_sites = choice.task_at(sites).sites
     except ValueError as error:
         raise refusal("", str(error), sites) from error
-    rule = f"must be one of {', '.join((*task_sites, UNDRIVEN))}"
+    rule = f"must be one of {', '.join(task_sites)}"
     for index, actuator in enumerate(actuators):
-        is_unknown = actuator.site not in {*task_sites, UNDRIVEN}
+        is_unknown = actuator.site not in {*task_sites, None}
         obey([(is_unknown, "site", rule)], actuator, f"[{index}]")
     rule = f'must be given once for each site of task.kind = "{choice.kind}": '
     is_other = sorted(sites) != sorted(task_sites)
     obey([(is_other, "", rule + ", ".join(task_sites), sites)])
-    order = (*task_sites, UNDRIVEN)
+    order = (*task_sites, None)
     return tuple(sorted(complete, key=lambda each: order.index(each.site)))
 
 
 def sites_of(actuators: Iterable[Actuator]) -> tuple[str, ...]:
     """Return the sites of the driven actuators, in their order."""
-    return tuple(actuator.site for actuator in actuators if actuator.site != UNDRIVEN)
+    return tuple(actuator.site for actuator in actuators if actuator.site is not None)
 
 
 def distance_rules(actuators: tuple[Actuator, ...]) -> Iterator[Rule]:

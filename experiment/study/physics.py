@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from experiment.perception.gains import ConditionGains, significant
-from experiment.study.actuator import SIZE_KEYS, UNDRIVEN
+from experiment.study.actuator import SIZE_KEYS
 from experiment.study.base import Fault
 from stimuli import Fingertip
 from stimuli.errors import PlateError, Rule
@@ -276,7 +276,7 @@ def fingertips_of(study: Study, *, bare: bool = False) -> tuple[Fingertip, ...]:
             x_m=actuator.x_m,
             y_m=actuator.y_m,
             radius_m=actuator.finger_diameter_m / 2,
-            impedance=None if actuator.site == UNDRIVEN else load,
+            impedance=None if actuator.site is None else load,
         )
         for actuator in study.actuators
     )

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from pydantic import Field, ValidationInfo, field_validator
 
 from experiment.study.actuator import (
-    UNDRIVEN,
     Actuator,
     FingerLoad,
     complete_actuators,
@@ -176,7 +175,7 @@ class Study(Section):
             case "texts" if "design" in above:
                 return section.with_task(task, above["design"])
             case "simulation" if "actuators" in above:
-                driven = (each for each in above["actuators"] if each.site != UNDRIVEN)
+                driven = (each for each in above["actuators"] if each.site is not None)
                 return section.with_threshold([actuator.basis for actuator in driven])
         return section
 
@@ -323,7 +322,7 @@ class Study(Section):
     @property
     def driven(self) -> tuple[Actuator, ...]:
         """The actuators under the fingers, in the order of the task's sites."""
-        return tuple(actuator for actuator in self.actuators if actuator.site != UNDRIVEN)
+        return tuple(actuator for actuator in self.actuators if actuator.site is not None)
 
     @property
     def site_distance_mm(self) -> float:

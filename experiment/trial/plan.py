@@ -13,7 +13,6 @@ from pydantic import Field, TypeAdapter, ValidationError
 from experiment.levels import Bayesian, Staircase
 from experiment.names import OTHER_VERSION
 from experiment.perception.gains import ConditionGains, FingerGains, without_crosstalk
-from experiment.study.actuator import UNDRIVEN
 from experiment.study.base import first_fault
 from experiment.tasks import make_task
 from experiment.tasks.task import SINGLE
@@ -275,7 +274,7 @@ def _task_of(study: str) -> Task:
     try:
         tables = json.loads(study)
         choice, actuators = tables["task"], tables["actuator"]
-        sites = tuple(each["site"] for each in actuators if each["site"] != UNDRIVEN)
+        sites = tuple(each["site"] for each in actuators if each["site"] is not None)
         return make_task(choice["kind"], choice["reference_vpp"], sites)
     except (KeyError, TypeError, ValueError) as error:
         raise PlanError(f"the plan's task cannot be used: {error}") from error

@@ -30,9 +30,7 @@ if TYPE_CHECKING:
     from tests.conftest import Run
 
 """The level at the other finger of the paper's burst lies between -23 and -40 dB."""
-ARRAY = discs(measured()) + (
-    '[[actuator]]\nsite = "other"\nname = "mid"\nx_mm = 22\ndiameter_mm = 12.8\n'
-)
+ARRAY = discs(measured()) + ('[[actuator]]\nname = "mid"\nx_mm = 22\ndiameter_mm = 12.8\n')
 """The paper's second plate."""
 STEEL = (
     '[strip]\nwidth_mm = 30\nthickness_mm = 0.3\nlength_mm = 200\nmaterial = "steel"\n'

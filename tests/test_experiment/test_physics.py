@@ -79,7 +79,7 @@ def test_a_plate_keeps_its_length_and_gets_a_loss_where_none_is_stated() -> None
 
 
 def test_the_two_fingers_load_the_plate_and_no_other_place() -> None:
-    third = '[[actuator]]\nsite = "other"\nname = "third"\nx_mm = 0\ndiameter_mm = 5\n'
+    third = '[[actuator]]\nname = "third"\nx_mm = 0\ndiameter_mm = 5\n'
     study = study_from_text(discs() + third + LOAD, "s")
     left, right, other = (fingertip.impedance for fingertip in fingertips_of(study))
     assert left is not None

@@ -36,7 +36,7 @@ LAYERS = (
 CARRIER = (
     "carrier_thickness_mm = 0.2\ncarrier_youngs_modulus_gpa = 105\ncarrier_poisson_ratio = 0.35\n"
 )
-OTHER = '[[actuator]]\nsite = "other"\nname = "{}"\nx_mm = {}\ndiameter_mm = 10\n'
+OTHER = '[[actuator]]\nname = "{}"\nx_mm = {}\ndiameter_mm = 10\n'
 
 
 def read(text: str) -> Study:
