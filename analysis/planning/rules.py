@@ -38,11 +38,14 @@ def compare_rules(
     After each number of trials at a site, the threshold is the median of the Bayesian rule's
     posterior of all answers up to then, whatever the rule; so that only the choice of levels
     differs. The true threshold is the simulated one in volts, with its drift averaged. Sessions
-    lie in a folder of each rule below `root`.
+    lie in a folder of each rule below `root`. The study's own rule has the study's settings.
 
     Columns ``rule trials thresholds rms_db bias_db``, the third the number of thresholds.
     """
-    studies = {rule: study.changed(levels={"rule": rule}) for rule in RULES}
+    studies = {
+        rule: study if rule == study.levels.rule else study.changed(levels={"rule": rule})
+        for rule in RULES
+    }
     rows = []
     for rule, ruled in studies.items():
         sessions = simulate_study(

@@ -456,6 +456,8 @@ def simulated_participants(study: Study, gains: tuple[ConditionGains, ...]) -> d
     for threshold in thresholds:
         data = _values(threshold, "condition", "threshold_vpp") | {"side": threshold.levels_lie}
         is_outside = threshold.levels_lie != "around"
+        if study.task.has_reference:  # levels are compared with the reference
+            continue
         rules.append((is_outside, "threshold_outside_levels", data))
         low_db, high_db = threshold.levels_db
         is_near = not is_outside and min(-low_db, high_db) < _NEAR_THRESHOLD_DB
@@ -470,6 +472,7 @@ def simulated_participants(study: Study, gains: tuple[ConditionGains, ...]) -> d
         "threshold_sd_db": people.threshold_sd_db,
         "is_set": is_set,
         "has_reference": study.task.has_reference,
+        "is_adaptive": study.levels.is_adaptive,
         "warnings": sort_warnings(apply_rules(rules)),
     }
 

@@ -129,7 +129,8 @@ def _pair(actuators: tuple[dict[str, Any], ...]) -> list[dict[str, Any]]:
     if len(tables) == 1:
         tables = [tables[0] | {"x_mm": -tables[0]["x_mm"]}, tables[0]]
     if len(tables) != len(SITES):
-        raise CommandError(f"--actuator: must be given once or twice (got {len(tables)})")
+        rule = "must be given once or twice; further actuators are written in the file"
+        raise CommandError(f"--actuator: {rule} (got {len(tables)})")
     tables.sort(key=lambda table: float(table["x_mm"]))
     return [{"site": site} | table for site, table in zip(SITES, tables, strict=True)]
 

@@ -35,10 +35,10 @@ def test_every_chosen_level_is_drawn_with_its_answer(kind: str, tmp_path: Path) 
     for folder in folders:
         axes = figure.axes[titles.index(folder.participant)]
         rows = folder.read_history(folder.read_plan()).rows
-        single = [row for row in rows if row.kind == "single"]
+        single = [(order, row) for order, row in enumerate(rows, start=1) if row.kind == "single"]
         track, hits, misses = (line.get_xydata() for line in axes.lines[:3])
-        assert np.allclose(track, [(row.trial, row.level_vpp or 0.0) for row in single])
-        detected = [study.task.is_detected(row.side, row.response or "") for row in single]
+        assert np.allclose(track, [(order, row.level_vpp or 0.0) for order, row in single])
+        detected = [study.task.is_detected(row.side, row.response or "") for _, row in single]
         assert np.allclose(hits, np.asarray(track)[detected])
         assert np.allclose(misses, np.asarray(track)[~np.array(detected)])
 

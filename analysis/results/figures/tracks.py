@@ -37,9 +37,12 @@ _BAND_ALPHA: Final = 0.18
 def tracks_of(analysis: Analysis) -> pd.DataFrame:
     """Return the trials whose levels a rule chose: ``participant condition trial level_vpp hit``.
 
-    ``hit`` is whether the trial counts as detected.
+    ``trial`` counts the presentations of a session in their order; ``hit`` is whether the trial
+    counts as detected.
     """
     trials = analysis.trials
+    order = trials.groupby(["participant", "session"]).cumcount() + 1
+    trials = trials.assign(trial=order)
     plans = [session.plan for session in analysis.loaded.progress]
     chosen = {
         (plan.participant, plan.session, condition)
