@@ -183,7 +183,7 @@ def lowest_peaks(loaded: Iterable[Sequence[int]], channels: int) -> list[int]:
     """Return the smallest peak of each channel among the loaded slots, silent ones left out.
 
     A level that is too high even for these cannot be used by any slot, and is refused when it is
-    set; which slot will be played is known only when it is armed, and then checked exactly.
+    set. Which slot will be played is known only when it is armed, and then checked exactly.
 
     >>> lowest_peaks([(100, 0), (50, 0)], channels=2)
     [50, 0]

@@ -147,7 +147,9 @@ def _compare(check: StudyCheck, folder: Path, participants: int, seed: int) -> N
         table = compare_rules(
             check.study, folder, participants=participants, seed=seed, gains=check.gains
         )
-    echo(f"Error of a threshold, dB rms, {table['thresholds'].max()} thresholds:")
+    first, *others = check.study.conditions
+    where = f" in condition {first.name}" if others else ""
+    echo(f"Error of a threshold, dB rms, {table['thresholds'].max()} thresholds{where}:")
     echo(*format_rules(table))
     csv, png = (folder / f"comparison.{ending}" for ending in ("csv", "png"))
     table.to_csv(csv, index=False)

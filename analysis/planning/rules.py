@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 RULES: Final = ("constant", "staircase", "bayesian")
 CHECKPOINTS: Final = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256)
-"""Trials at a site after which thresholds are compared."""
+"""Trials at a site after which thresholds are compared; the last of a study are added."""
 
 
 def compare_rules(
@@ -76,9 +76,10 @@ def _errors_db(study: Study, folder: SessionFolder) -> Iterator[tuple[int, float
         for row in folder.read_history(plan).rows
         if row.condition == condition and row.status == "ok" and not row.premature
     ]
-    levels_vpp = study.design_of(condition).levels_vpp
+    design = study.design_of(condition)
+    checkpoints = {*CHECKPOINTS, design.trials_per_side}
     for i, site in enumerate(task.sites):
-        track = Bayesian(candidates_vpp=levels_vpp, seed=0).start(plan.responses, task)
+        track = Bayesian(candidates_vpp=design.levels_vpp, seed=0).start(plan.responses, task)
         shifts_db: list[float] = []
         for row in rows:
             shown = task.presentation(row.side)
@@ -88,7 +89,7 @@ def _errors_db(study: Study, folder: SessionFolder) -> Iterator[tuple[int, float
                 continue
             track.update(shown, row.level_vpp, row.response or "")
             estimate = track.estimate()
-            if row.kind == SINGLE and len(shifts_db) in CHECKPOINTS and estimate is not None:
+            if row.kind == SINGLE and len(shifts_db) in checkpoints and estimate is not None:
                 over_db = 20 * np.log10(estimate.threshold_vpp / thresholds_vpp[i])
                 yield len(shifts_db), float(over_db - np.mean(shifts_db))
 

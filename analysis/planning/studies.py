@@ -1,6 +1,6 @@
 """Simulated studies, in chunks that any process can compute by itself.
 
-Person i of study s has a generator of its own, spawned from the root seed by (s, i): designs of one
+Person i of study s has a generator of its own, spawned from the root seed by (s, i). Designs of one
 study have the same people (common random numbers), and no number depends on which process draws it,
 or with which others.
 """

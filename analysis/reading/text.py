@@ -173,7 +173,7 @@ def _choose_delimiter(start: list[str], file: str) -> str:
 
     A heading alone does not decide: a name or a comment may contain another delimiter. Of several
     such delimiters, the one with most fields is returned. Without any, the table is refused if its
-    rows agree with a later line that has more names, for that is the heading; else its first
+    rows agree with a later line that has more names, for that is the heading. Otherwise its first
     line decides, and the first row that does not fit is refused in its turn.
     """
     heading = start[0].rstrip() if start else ""

@@ -2,7 +2,7 @@
 
 The line has the values of the tables. The band is of the function at each level by itself: between
 the 2.5 % and 97.5 % points of functions drawn from the posterior. A group's function is the mean of
-the functions of people of its kind, gamma + (1 - gamma - lambda) F((x - M) / sqrt(sigma^2 +
+the functions of people of its kind. It is gamma + (1 - gamma - lambda) F((x - M) / sqrt(sigma^2 +
 tau^2)), with sigma at exp(S) and the means of its people's gamma and lambda (docs/statistics.md,
 section 8).
 """

@@ -143,7 +143,7 @@ def delivery(exchange: Exchange[Record], channels: int) -> Delivery:
     """Return what a driver reports for a record that the device sent, with so many levels.
 
     The onset of a burst that fired before the question is carried back to the host's clock by the
-    device's: the interval moves by the time since the onset, and grows by `CLOCK_TOLERANCE` times
+    device's. The interval moves by the time since the onset, and grows by `CLOCK_TOLERANCE` times
     that to both sides.
 
     >>> fired = Record(token=1, outcome=Outcome.FIRED, start_us=1_000_000)

@@ -68,7 +68,7 @@ class Staircase(LevelRule):
 class StaircaseTrack(Track):
     """The next level, the detected stimuli in a row, and the reversals up to here.
 
-    The estimate is that of the Bayesian rule after the same answers: it uses every answer, its
+    The estimate is that of the Bayesian rule after the same answers. It uses every answer, its
     error is smaller than that of the mean of the reversals, and it is a threshold of the same
     definition.
     """

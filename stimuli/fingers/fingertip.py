@@ -51,9 +51,9 @@ class Impedance:
 
     Notes
     -----
-    There are no values by default. They depend on the direction, the force and the posture, and
-    such a lumped model holds in a band: above it less and less of a finger goes with the plate,
-    while the force on a mass grows with the square of the frequency.
+    There are no values by default. They depend on the direction, the force and the posture. Such a
+    lumped model holds in a band. Above it less and less of a finger goes with the plate, while the
+    force on a mass grows with the square of the frequency.
 
     Examples
     --------

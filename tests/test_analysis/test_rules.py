@@ -26,12 +26,12 @@ def test_errors_shrink_with_trials_and_are_least_under_the_bayesian_rule(
     blanks = {} if kind == "2ifc" else {"blank_trials": 8}
     study = first_study().changed(
         task={"kind": kind},
-        design={"levels_vpp": LEVELS, "trials_per_side": 32} | blanks,
+        design={"levels_vpp": LEVELS, "trials_per_side": 40} | blanks,
         simulation={"threshold_vpp": 90.0, "threshold_sd_db": 2.0},
     )
     table = compare_rules(study, tmp_path, participants=12, seed=2, gains=())
     assert [*table["rule"].unique()] == [*RULES]
-    assert set(table["trials"]) == {8, 12, 16, 24, 32}
+    assert set(table["trials"]) == {8, 12, 16, 24, 32, 40}
     keys = zip(table["rule"].tolist(), table["trials"].tolist(), strict=True)
     errors_db = dict(zip(keys, table["rms_db"].tolist(), strict=True))
     assert all(errors_db[rule, 32] < errors_db[rule, 12] for rule in RULES)

@@ -112,14 +112,14 @@ def _set_ticks(axes: Axes, ticks: Floats, *, log: bool, blank: float | None = No
     ends = np.array([*axes.get_xlim(), *ticks])
     ends = np.log(ends) if log else ends
     at = axes_em(axes) * (ends[2:] - ends[0]) / (ends[1] - ends[0])
-    # From the last to the first: the highest level has a label even where others have no room.
-    room = np.inf
-    for i in reversed(range(len(ticks))):
-        half = text_em(labels[i]) / 2 + 0.25
-        if at[i] + half > room:
+    half = [text_em(label) / 2 + 0.25 for label in labels]
+    # Zero and the highest level have a label even where others have no room.
+    placed: list[int] = []
+    for i in sorted(range(len(ticks)), key=lambda i: (ticks[i] != 0, -i)):
+        if any(abs(at[i] - at[j]) < half[i] + half[j] for j in placed):
             labels[i] = ""
         else:
-            room = at[i] - half
+            placed.append(i)
     places = [*ticks] if blank is None else [blank, *ticks]
     axes.set_xticks(places, [BLANK, *labels][-len(places) :])
     axes.minorticks_off()
