@@ -217,7 +217,7 @@ def test_detection_draws_the_numbers_of_the_tables_and_no_interval_but_the_band(
     analysis = analysed(everything(("bare", "covered")))
     figure = drawn(analysis, "detection")
     numbers = [*analysis.levels["p_mean"], *analysis.participants["p"]]
-    numbers += [*analysis.thresholds["guess_rate"]]
+    numbers += [guess.share_of_blanks for guess in analysis.people.guesses]
     assert {round(float(number), 9) for number in numbers} <= points(figure)
     from matplotlib.collections import LineCollection
 
