@@ -471,8 +471,7 @@ def simulated_participants(study: Study, gains: tuple[ConditionGains, ...]) -> d
         "thresholds": thresholds,
         "threshold_sd_db": people.threshold_sd_db,
         "is_set": is_set,
-        "has_reference": study.task.has_reference,
-        "is_adaptive": study.levels.is_adaptive,
+        "has_detection_rate": not (study.task.has_reference or study.levels.is_adaptive),
         "warnings": sort_warnings(apply_rules(rules)),
     }
 

@@ -112,7 +112,8 @@ LEFT_RIGHT_BOTH: Final = Task(
             "if you hear nothing, press {none}."
         ),
         "hands_off_after": (
-            "Take both hands off the plate. Use the same keys; if you notice nothing, press {none}."
+            "Take both hands off the plate. Answer with the same keys; if you notice nothing, "
+            "press {none}."
         ),
         "prompt": "Where did you feel it?",
         "prompt_hands_off": "Did you notice anything, and where?",
